@@ -183,10 +183,8 @@ mod tests {
         let intrinsics = Intrinsics { width: 640, height: 480, fx: 457.0, fy: 461.0, cx: 311.5, cy: 240.0 };
         let world_from_camera = look_at(Point3::new(1.0, -2.0, 1.5), Point3::new(0.1, 0.2, 0.7), Vector3::z());
         let straight = Camera::pinhole(intrinsics, world_from_camera);
-        let perturbed = Camera {
-            distortion: Some(Distortion { radial: [-0.2, 0.05, 0.0], tangential: [1e-3, -2e-3] }),
-            ..straight
-        };
+        let perturbed =
+            Camera { distortion: Some(Distortion::brown_conrady([-0.2, 0.05, 0.0], [1e-3, -2e-3])), ..straight };
         for (camera, p) in [straight, perturbed].into_iter().flat_map(|camera| {
             [[0.15, 0.05, 0.9], [-0.4, 0.3, 0.2], [0.5, 0.6, 1.0]].map(|p| (camera, Point3::from(p)))
         }) {

@@ -32,7 +32,7 @@ mod types;
 mod value;
 
 pub use bbox::{BBox, meeting_boxes};
-pub use camera::StatedCamera;
+pub use camera::{DistortionRecord, StatedCamera};
 pub use counts::PixelCounts;
 pub use decode::Stored;
 pub use depths::{ObjectDepths, ObjectRun};

@@ -58,47 +58,112 @@ impl Intrinsics {
     }
 }
 
-/// Lens distortion after Brown and Conrady, with the coefficients' names and order of OpenCV.
+/// How a lens maps a direction to the image, as a map from the plane z = 1 to itself. OpenCV's models, with its names and
+/// order of coefficients.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Distortion {
+    /// A lens near a pinhole: Brown and Conrady, with OpenCV's rational and thin-prism terms.
+    Polynomial(Polynomial),
+    /// A wide lens: Kannala and Brandt, OpenCV's `fisheye`.
+    Fisheye(Fisheye),
+}
+
+/// Lens distortion after Brown and Conrady.
 ///
 /// A point at `(x, y) = (X/Z, Y/Z)` with `r² = x² + y²` is seen where an undistorted camera would see
-/// `x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)` and
-/// `y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y`.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Distortion {
+/// `x' = x q + 2 p1 x y + p2 (r² + 2 x²) + s1 r² + s2 r⁴` and
+/// `y' = y q + p1 (r² + 2 y²) + 2 p2 x y + s3 r² + s4 r⁴`, where
+/// `q = (1 + k1 r² + k2 r⁴ + k3 r⁶) / (1 + k4 r² + k5 r⁴ + k6 r⁶)`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Polynomial {
     /// Radial coefficients `k1`, `k2`, `k3`.
     pub radial: [f64; 3],
     /// Tangential coefficients `p1`, `p2`.
     pub tangential: [f64; 2],
+    /// Radial coefficients of the denominator, `k4`, `k5`, `k6`.
+    pub denominator: [f64; 3],
+    /// Thin-prism coefficients `s1` to `s4`.
+    pub thin_prism: [f64; 4],
 }
 
+/// A fisheye lens after Kannala and Brandt.
+///
+/// A point at the angle `θ = atan r` from the optical axis is seen at the distance
+/// `θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸)` from the center of the plane z = 1, in its own direction.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Fisheye {
+    /// Coefficients `k1` to `k4`.
+    pub coefficients: [f64; 4],
+}
+
+/// Least derivative of a lens: below, two directions are seen at nearly the same place.
+const LEAST_SLOPE: f64 = 1e-3;
+
 impl Distortion {
+    /// The five coefficients of Brown and Conrady: `[k1, k2, k3]` and `[p1, p2]`.
+    pub const fn brown_conrady(radial: [f64; 3], tangential: [f64; 2]) -> Self {
+        Self::Polynomial(Polynomial { radial, tangential, denominator: [0.0; 3], thin_prism: [0.0; 4] })
+    }
+
     /// Where an undistorted point of the plane z = 1 is seen.
-    pub fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let ([k1, k2, k3], [p1, p2]) = (self.radial, self.tangential);
+    pub fn distort(&self, point: [f64; 2]) -> [f64; 2] {
+        match self {
+            Self::Polynomial(lens) => lens.distort(point),
+            Self::Fisheye(lens) => lens.distort(point),
+        }
+    }
+
+    /// The point that is seen at `(x', y')`. None where the lens folds the image over, and for directions farther than
+    /// [`Fisheye::MAX_ANGLE`] from the axis of a fisheye.
+    pub fn undistort(&self, seen: [f64; 2]) -> Option<[f64; 2]> {
+        match self {
+            Self::Polynomial(lens) => lens.undistort(seen),
+            Self::Fisheye(lens) => lens.undistort(seen),
+        }
+    }
+}
+
+/// `c1 t + c2 t² + c3 t³`, and its derivative.
+fn cubic([c1, c2, c3]: [f64; 3], t: f64) -> (f64, f64) {
+    (t * (c1 + t * (c2 + t * c3)), c1 + t * (2.0 * c2 + t * 3.0 * c3))
+}
+
+impl Polynomial {
+    /// The factor q, and its derivative by r².
+    fn radial(&self, r2: f64) -> (f64, f64) {
+        let (over, over_slope) = cubic(self.radial, r2);
+        let (under, under_slope) = cubic(self.denominator, r2);
+        let (over, under) = (1.0 + over, 1.0 + under);
+        (over / under, (over_slope * under - over * under_slope) / (under * under))
+    }
+
+    fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let ([p1, p2], [s1, s2, s3, s4]) = (self.tangential, self.thin_prism);
         let r2 = x * x + y * y;
-        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let (radial, _) = self.radial(r2);
         [
-            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x) + r2 * (s1 + r2 * s2),
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y + r2 * (s3 + r2 * s4),
         ]
     }
 
     /// The derivatives `[[∂x'/∂x, ∂x'/∂y], [∂y'/∂x, ∂y'/∂y]]`.
     fn slope(&self, [x, y]: [f64; 2]) -> [[f64; 2]; 2] {
-        let ([k1, k2, k3], [p1, p2]) = (self.radial, self.tangential);
+        let ([p1, p2], [s1, s2, s3, s4]) = (self.tangential, self.thin_prism);
         let r2 = x * x + y * y;
-        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-        let growth = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3));
+        let (radial, growth) = self.radial(r2);
+        let growth = 2.0 * growth;
         let cross = x * y * growth + 2.0 * (p1 * x + p2 * y);
+        let (prism_x, prism_y) = (2.0 * (s1 + 2.0 * s2 * r2), 2.0 * (s3 + 2.0 * s4 * r2));
         [
-            [radial + x * x * growth + 2.0 * p1 * y + 6.0 * p2 * x, cross],
-            [cross, radial + y * y * growth + 6.0 * p1 * y + 2.0 * p2 * x],
+            [radial + x * x * growth + 2.0 * p1 * y + 6.0 * p2 * x + x * prism_x, cross + y * prism_x],
+            [cross + x * prism_y, radial + y * y * growth + 6.0 * p1 * y + 2.0 * p2 * x + y * prism_y],
         ]
     }
 
-    /// The point that is seen at `(x', y')`: Newton's method on [`distort`](Self::distort), from the center outwards,
-    /// so that it finds the branch that goes through the center. None where the lens folds the image over.
-    pub fn undistort(&self, seen: [f64; 2]) -> Option<[f64; 2]> {
+    /// Newton's method on [`distort`](Self::distort), from the center outwards, so that it finds the branch that goes
+    /// through the center.
+    fn undistort(&self, seen: [f64; 2]) -> Option<[f64; 2]> {
         const STEPS: i32 = 8;
         let mut at = [0.0; 2];
         for step in 1..=STEPS {
@@ -107,7 +172,7 @@ impl Distortion {
                 let [x, y] = self.distort(at);
                 let [[a, b], [c, d]] = self.slope(at);
                 let determinant = a * d - b * c;
-                if determinant <= 1e-3 {
+                if determinant <= LEAST_SLOPE {
                     return None;
                 }
                 let (dx, dy) = (goal[0] - x, goal[1] - y);
@@ -116,6 +181,57 @@ impl Distortion {
         }
         let [x, y] = self.distort(at);
         ((x - seen[0]).abs() + (y - seen[1]).abs() < 1e-9).then_some(at)
+    }
+}
+
+impl Fisheye {
+    /// Largest angle of a direction that is seen, radians: depth along the optical axis is positive and finite.
+    pub const MAX_ANGLE: f64 = 89.5 * std::f64::consts::PI / 180.0;
+
+    /// Distance from the center at which an angle is seen, and its derivative.
+    pub fn radius(&self, angle: f64) -> (f64, f64) {
+        let [k1, k2, k3, k4] = self.coefficients;
+        let t = angle * angle;
+        (
+            angle * (1.0 + t * (k1 + t * (k2 + t * (k3 + t * k4)))),
+            1.0 + t * (3.0 * k1 + t * (5.0 * k2 + t * (7.0 * k3 + t * 9.0 * k4))),
+        )
+    }
+
+    /// The angle that is seen at a distance from the center; none beyond [`Self::MAX_ANGLE`], or where a smaller angle is
+    /// seen at a greater distance.
+    pub fn angle(&self, radius: f64) -> Option<f64> {
+        const STEPS: i32 = 8;
+        let mut angle = 0.0;
+        for step in 1..=STEPS {
+            let goal = radius * f64::from(step) / f64::from(STEPS);
+            for _ in 0..if step == STEPS { 12 } else { 2 } {
+                let (seen, slope) = self.radius(angle);
+                if slope <= LEAST_SLOPE {
+                    return None;
+                }
+                angle = (angle + (goal - seen) / slope).min(Self::MAX_ANGLE);
+            }
+        }
+        ((self.radius(angle).0 - radius).abs() < 1e-9).then_some(angle)
+    }
+
+    fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let r = libm::hypot(x, y);
+        if r == 0.0 {
+            return [x, y];
+        }
+        let factor = self.radius(libm::atan(r)).0 / r;
+        [x * factor, y * factor]
+    }
+
+    fn undistort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        let radius = libm::hypot(x, y);
+        if radius == 0.0 {
+            return Some([x, y]);
+        }
+        let factor = libm::tan(self.angle(radius)?) / radius;
+        Some([x * factor, y * factor])
     }
 }
 
@@ -258,9 +374,66 @@ mod tests {
         assert!(k.contains([0.0, 479.9]) && !k.contains([640.0, 1.0]) && !k.contains([1.0, -0.1]));
     }
 
+    /// Values of `cv2.projectPoints` and `cv2.fisheye.projectPoints` of OpenCV 5.0 with an identity K.
+    #[test]
+    fn all_models_match_opencv_and_are_undone() {
+        let eight = Polynomial {
+            radial: [-0.28, 0.09, -0.01],
+            tangential: [0.001, -0.0007],
+            denominator: [0.11, -0.02, 0.004],
+            thin_prism: [0.0; 4],
+        };
+        let twelve = Polynomial { thin_prism: [0.003, -0.001, -0.002, 0.0015], ..eight };
+        let fisheye = Fisheye { coefficients: [0.05, -0.02, 0.006, -0.001] };
+        let cases: [(Distortion, &[[[f64; 2]; 2]]); 3] = [
+            (
+                Distortion::Polynomial(eight),
+                &[
+                    [[0.3, -0.2], [0.2852034834404361, -0.19006632229362413]],
+                    [[-0.7, 0.5], [-0.5490910643656842, 0.3925779031183459]],
+                ],
+            ),
+            (
+                Distortion::Polynomial(twelve),
+                &[
+                    [[0.3, -0.2], [0.2855765834404361, -0.19030097229362414]],
+                    [[-0.7, 0.5], [-0.5474186643656842, 0.39191930311834594]],
+                ],
+            ),
+            (
+                Distortion::Fisheye(fisheye),
+                &[
+                    [[0.3, -0.2], [0.2895727315570745, -0.1930484877047164]],
+                    [[-3.0, 1.5], [-1.200176307812358, 0.600088153906179]],
+                    [[0.0, 8.0], [0.0, 1.5228890692460209]],
+                    [[0.0, 0.0], [0.0, 0.0]],
+                ],
+            ),
+        ];
+        for (lens, points) in cases {
+            for [point, want] in points {
+                let seen = lens.distort(*point);
+                let back = lens.undistort(*want).expect("within the image");
+                for axis in 0..2 {
+                    assert!((seen[axis] - want[axis]).abs() < 1e-12, "{lens:?} {seen:?} {want:?}");
+                    assert!((back[axis] - point[axis]).abs() < 1e-7, "{lens:?} {back:?} {point:?}");
+                }
+            }
+        }
+        // 90 degrees are seen at θ = π/2 of an equidistant lens, but have no depth.
+        let equidistant = Distortion::Fisheye(Fisheye::default());
+        assert_eq!(equidistant.undistort([std::f64::consts::FRAC_PI_2, 0.0]), None);
+        let edge = Fisheye::MAX_ANGLE - 1e-6;
+        let [x, _] = equidistant.undistort([edge, 0.0]).expect("seen");
+        assert!((x - edge.tan()).abs() < 1e-6, "{x}");
+        // A lens that folds at θ = 1: nothing is seen beyond.
+        let folds = Fisheye { coefficients: [-1.0 / 3.0, 0.0, 0.0, 0.0] };
+        assert!(folds.angle(0.6).is_some() && folds.angle(0.7).is_none());
+    }
+
     #[test]
     fn distortion_matches_opencv_and_is_undone() {
-        let lens = Distortion { radial: [-0.28, 0.09, -0.01], tangential: [0.001, -0.0007] };
+        let lens = Distortion::brown_conrady([-0.28, 0.09, -0.01], [0.001, -0.0007]);
         // cv::projectPoints of (0.3, -0.2, 1) with these coefficients and an identity K, by its documentation.
         let (x, y, r2) = (0.3_f64, -0.2_f64, 0.13_f64);
         let radial = 1.0 - 0.28 * r2 + 0.09 * r2.powi(2) - 0.01 * r2.powi(3);
@@ -288,7 +461,7 @@ mod tests {
             }
         }
         // A barrel that folds: nothing is seen beyond the fold.
-        let folded = Distortion { radial: [-0.5, 0.0, 0.0], tangential: [0.0; 2] };
+        let folded = Distortion::brown_conrady([-0.5, 0.0, 0.0], [0.0; 2]);
         assert_eq!(folded.undistort([1.5, 0.0]), None);
         let wide = Intrinsics { width: 9, height: 1, fx: 2.0, fy: 2.0, cx: 4.5, cy: 0.5 };
         let camera = Camera { distortion: Some(folded), ..Camera::pinhole(wide, Pose::identity()) };

@@ -26,7 +26,7 @@ pub use asset::{
     Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, EXTENT_M, Keypoint, Object, SourceModel,
 };
 pub use body::{Body, BodyDraft, BodyHandle, InstanceId, Motion, Role};
-pub use camera::{Camera, Distortion, Exposure, Intrinsics, Optics, Rays, ThinLens};
+pub use camera::{Camera, Distortion, Exposure, Fisheye, Intrinsics, Optics, Polynomial, Rays, ThinLens};
 pub use environment::EnvironmentMap;
 pub use light::{DirectionalLight, DiskLight, EnvironmentLight, Light, RectLight, SphereLight, WindowLight};
 pub use mass::{MassDistribution, MassOrigin, MassProperties};

@@ -35,20 +35,18 @@ fn scene() -> Scene {
 
 fn camera() -> Camera {
     let pose = look_at(Point3::new(1.0, -0.4, 1.5), Point3::origin(), Vector3::z());
-    let distortion = Distortion { radial: [-0.2, 0.05, 0.0], tangential: [0.001, -0.002] };
+    let distortion = Distortion::brown_conrady([-0.2, 0.05, 0.0], [0.001, -0.002]);
     Camera { distortion: Some(distortion), ..Camera::pinhole(K, pose) }
 }
 
 fn products() -> Products {
     let mut stream = Stream::root(6);
     let mut products = Products::new();
-    let distortion = camera().distortion.expect("distorted");
-    let ([k1, k2, k3], [p1, p2]) = (distortion.radial, distortion.tangential);
     let stated = serde_json::json!({
         "width": K.width,
         "height": K.height,
         "K": K.matrix(),
-        "distortion_k1_k2_p1_p2_k3": [k1, k2, p1, p2, k3],
+        "distortion_k1_k2_p1_p2_k3": [-0.2, 0.05, 0.001, -0.002, 0.0],
     });
     products.put(CAMERA, Value::of(&stated).expect("plain data")).expect("first");
     // A mug, an asset without a class, the table, and an object without visible pixels.

@@ -6,7 +6,7 @@ use crate::shred::ColumnType;
 use syntable_formats::json;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CAMERA, CATEGORY_ID, OBJECT_INFO, VISIBILITY};
-use syntable_model::product::{Form, Scope};
+use syntable_model::product::{DistortionRecord, Form, Scope};
 
 /// Extension of a table.
 pub const EXTENSION: &str = "parquet";
@@ -62,11 +62,14 @@ fn fields(product: &str) -> Option<&'static [RecordField]> {
         ("px_count_visib", || ColumnType::Int),
         ("visib_fract", || ColumnType::Float),
     ];
-    // Null if the lens has no distortion.
+    // At most one of the coefficients of a lens is not null.
     const OF_CAMERA: &[RecordField] = &[
         ("K", matrix),
         ("world_from_camera", matrix),
-        ("distortion_k1_k2_p1_p2_k3", || ColumnType::list(ColumnType::Float)),
+        (DistortionRecord::NAMES[0], || ColumnType::list(ColumnType::Float)),
+        (DistortionRecord::NAMES[1], || ColumnType::list(ColumnType::Float)),
+        (DistortionRecord::NAMES[2], || ColumnType::list(ColumnType::Float)),
+        (DistortionRecord::NAMES[3], || ColumnType::list(ColumnType::Float)),
     ];
     let all = [(OBJECT_INFO.name(), OF_OBJECT), (VISIBILITY.name(), OF_VISIBILITY), (CAMERA.name(), OF_CAMERA)];
     all.into_iter().find(|(name, _)| *name == product).map(|(_, fields)| fields)

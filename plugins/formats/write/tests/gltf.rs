@@ -174,7 +174,7 @@ fn view(number: u32) -> View {
     let intrinsics = Intrinsics { width: 640, height: 480, fx: 500.0, fy: 510.0, cx: 322.0, cy: 235.0 };
     let eye = Point3::new(1.0, 0.5 + f64::from(number), 1.5);
     let mut camera = Camera::pinhole(intrinsics, look_at(eye, Point3::new(0.0, 0.0, 0.7), Vector3::z()));
-    camera.distortion = Some(Distortion { radial: [-0.1, 0.01, 0.0], tangential: [0.001, 0.0] });
+    camera.distortion = Some(Distortion::brown_conrady([-0.1, 0.01, 0.0], [0.001, 0.0]));
     let (half_u, half_v) = (Vector3::new(0.4, 0.3, 0.0), Vector3::new(0.15, -0.2, 0.0));
     let map = Arc::new(EnvironmentMap::constant([100.0; 3]));
     let towards = Vector3::new(1.0, 2.0, 2.0) / 3.0;

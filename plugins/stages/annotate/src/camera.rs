@@ -2,6 +2,7 @@
 
 use crate::matrix::pose;
 use syntable_model::prelude::*;
+use syntable_model::product::DistortionRecord;
 use syntable_model::product::standard::CAMERA;
 use syntable_model::scene;
 
@@ -42,8 +43,8 @@ struct CameraView {
     // The key in published datasets, whose bytes do not change.
     #[serde(rename = "pixel_centres")] // typos: ignore
     pixel_centers: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    distortion_k1_k2_p1_p2_k3: Option<[f64; 5]>,
+    #[serde(flatten)]
+    distortion: DistortionRecord,
     #[serde(skip_serializing_if = "Option::is_none")]
     aperture_radius_m: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -62,10 +63,7 @@ impl From<&scene::Camera> for CameraView {
             world_axes: "right-handed, z up",
             length_unit: "m",
             pixel_centers: "half-integers: the image's top-left corner is (0, 0)",
-            distortion_k1_k2_p1_p2_k3: camera.distortion.map(|distortion| {
-                let ([k1, k2, k3], [p1, p2]) = (distortion.radial, distortion.tangential);
-                [k1, k2, p1, p2, k3]
-            }),
+            distortion: DistortionRecord::of(camera.distortion.as_ref()),
             aperture_radius_m: camera.lens.map(|lens| lens.aperture_radius_m),
             focus_distance_m: camera.lens.map(|lens| lens.focus_distance_m),
         }

@@ -12,7 +12,7 @@ use syntable_model::product::standard::{
     AMODAL_BOX, AMODAL_MASK, CAMERA, DEPTH, LABEL_POLICY, OBJECT_INFO, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE,
     RGB, VISIBILITY, VISIBLE_BOX, VISIBLE_MASK,
 };
-use syntable_model::product::{BBox, OcclusionOrder, Product, meeting_boxes};
+use syntable_model::product::{BBox, DistortionRecord, OcclusionOrder, Product, meeting_boxes};
 use syntable_model::{register_check, rule};
 
 /// Maximum difference between a depth and the depth from a pose, m: files store whole millimeters.
@@ -467,7 +467,7 @@ fn has_box(products: &Products) -> bool {
 
 /// Whether the lens has distortion, so that the image of a box may extend beyond its corners.
 fn is_distorted(products: &Products) -> bool {
-    json(products, CAMERA).is_ok_and(|camera| camera.get("distortion_k1_k2_p1_p2_k3").is_some())
+    json(products, CAMERA).is_ok_and(|camera| DistortionRecord::NAMES.iter().any(|name| camera.get(name).is_some()))
 }
 
 fn product(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {

@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn rows_are_as_point_by_point() {
         let intrinsics = Intrinsics { width: 40, height: 30, fx: 50.0, fy: 60.0, cx: 20.5, cy: 14.0 };
-        let lens = Distortion { radial: [-0.28, 0.09, -0.01], tangential: [0.001, -0.0007] };
+        let lens = Distortion::brown_conrady([-0.28, 0.09, -0.01], [0.001, -0.0007]);
         let camera = |distortion| Camera { distortion, ..Camera::pinhole(intrinsics, Pose::identity()) };
         let mut stream = Stream::root(5);
         let depth = Plane::from_fn(40, 30, |x, y| match (x + y) % 13 {

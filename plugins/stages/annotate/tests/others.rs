@@ -364,7 +364,7 @@ fn records_keep_their_fields_and_their_order() {
         other => panic!("{other:?}"),
     };
     let mut world = World::new(1);
-    world.view.camera.distortion = Some(Distortion { radial: [1.0, 2.0, 3.0], tangential: [4.0, 5.0] });
+    world.view.camera.distortion = Some(Distortion::brown_conrady([1.0, 2.0, 3.0], [4.0, 5.0]));
     world.view.camera.lens = Some(ThinLens { aperture_radius_m: 0.01, focus_distance_m: 1.5 });
     let (up, white) = (Vector3::z(), [1.0; 3]);
     world.view.lights = vec![

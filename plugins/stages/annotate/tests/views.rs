@@ -218,7 +218,7 @@ fn keypoints_are_projected_and_hidden_by_depth() {
     annotator("keypoints", "tolerance_m = 0.03").annotate(&world.of_view(), &mut products).expect("annotated");
     assert_eq!(json(&products, "keypoints")["1"][1]["visibility"], json!(2));
     // A lens that folds: a point beyond the fold is projected into the image, but is not visible there.
-    world.view.camera.distortion = Some(Distortion { radial: [-0.05, 0.0, 0.0], tangential: [0.0; 2] });
+    world.view.camera.distortion = Some(Distortion::brown_conrady([-0.05, 0.0, 0.0], [0.0; 2]));
     let mut products = products.only(&["amodal_mask", "depth"]);
     annotator("keypoints", "").annotate(&world.of_view(), &mut products).expect("annotated");
     assert_eq!(json(&products, "keypoints")["1"][2]["uv_px"], Json::Null);

@@ -349,8 +349,7 @@ fn a_tile_is_the_window_of_its_object() {
         return;
     }
     let mut curved = room::view(64, 48);
-    curved.camera.distortion =
-        Some(syntable_model::scene::Distortion { radial: [-0.1, 0.02, 0.0], tangential: [1e-3, -2e-3] });
+    curved.camera.distortion = Some(syntable_model::scene::Distortion::brown_conrady([-0.1, 0.02, 0.0], [1e-3, -2e-3]));
     let straight = room::view(64, 48);
     // A fixed number of samples, and rounds of them.
     let fixed = PathTracing { samples_per_pixel: 4, max_bounces: 4, ..PathTracing::default() };

@@ -7,7 +7,7 @@ use serde_json::Value as Json;
 use syntable_formats::segmentation::UncompressedRle;
 use syntable_formats::{Extra, json};
 use syntable_model::prelude::*;
-use syntable_model::product::BBox;
+use syntable_model::product::{BBox, DistortionRecord};
 use syntable_model::scene::{SceneId, Symmetries, ViewId};
 
 /// Cameras of a scene.
@@ -129,8 +129,8 @@ pub struct CameraProduct {
     world_from_camera: Option<[[f64; 4]; 4]>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     camera_from_world: Option<[[f64; 4]; 4]>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub distortion_k1_k2_p1_p2_k3: Option<[f64; 5]>,
+    #[serde(flatten)]
+    pub distortion: DistortionRecord,
 }
 
 /// The part of the product `object_info` that BOP stores.
@@ -239,7 +239,7 @@ impl CameraProduct {
             k: [[fx, skew, cx + PIXEL_CENTER], [0.0, fy, cy + PIXEL_CENTER], [0.0, 0.0, 1.0]],
             world_from_camera: camera.world_from_camera(),
             camera_from_world: camera.camera_from_world(),
-            distortion_k1_k2_p1_p2_k3: None,
+            distortion: DistortionRecord::default(),
         }
     }
 

@@ -88,7 +88,7 @@ impl SceneWriter for BopScene {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let (view, scale) = (cx.view_id, self.config.depth_scale);
         let camera: CameraProduct = read(products.get(CAMERA)?, CAMERA.name())?;
-        if camera.distortion_k1_k2_p1_p2_k3.is_some() {
+        if !camera.distortion.is_none() {
             return Err(Error::new("BOP has no cameras with lens distortion")
                 .help("leave distortion out of the camera's options, or write the dataset with another writer"));
         }

@@ -6,7 +6,7 @@
 use super::document::{GltfCamera, GltfNode, Perspective};
 use super::glb::Glb;
 use serde_json::json;
-use syntable_model::scene::{Exposure, View};
+use syntable_model::scene::{Distortion, Exposure, View};
 
 /// Distance of the near plane, m.
 const NEAR_M: f64 = 0.01;
@@ -23,8 +23,16 @@ pub fn add(glb: &mut Glb, view: &View) -> GltfNode {
     let mut extras = json!({
         "view": view.id.0, "width": k.width, "height": k.height, "K": k.matrix(), "exposure": exposure,
     });
-    if let Some(distortion) = view.camera.distortion {
-        extras["distortion"] = json!({ "radial": distortion.radial, "tangential": distortion.tangential });
+    match view.camera.distortion {
+        None => {}
+        Some(Distortion::Fisheye(lens)) => extras["distortion"] = json!({ "fisheye": lens.coefficients }),
+        Some(Distortion::Polynomial(lens)) => {
+            extras["distortion"] = json!({ "radial": lens.radial, "tangential": lens.tangential });
+            if lens.denominator != [0.0; 3] || lens.thin_prism != [0.0; 4] {
+                extras["distortion"]["denominator"] = json!(lens.denominator);
+                extras["distortion"]["thin_prism"] = json!(lens.thin_prism);
+            }
+        }
     }
     if let Some(lens) = view.camera.lens {
         extras["lens"] =

@@ -8,7 +8,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, INSTANCE, RADIANCE};
 use syntable_model::scene::{Camera, Color, Distortion, InstanceId, Light, Material, Role, SphereLight, ThinLens};
 
-const BARREL: Distortion = Distortion { radial: [-0.25, 0.06, 0.0], tangential: [0.002, -0.001] };
+const BARREL: Distortion = Distortion::brown_conrady([-0.25, 0.06, 0.0], [0.002, -0.001]);
 
 /// A view from (0, 0, 4) straight down, so that depth is 4 − z.
 fn from_above(size: u32, focal: f64, lights: Vec<Light>) -> View {

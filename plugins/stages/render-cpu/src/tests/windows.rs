@@ -39,7 +39,7 @@ fn the_renderer_conforms() {
 fn windows_of_a_canvas_join_to_the_canvas() {
     let (scene, straight) = busy_scene();
     let mut curved = straight.clone();
-    curved.camera.distortion = Some(Distortion { radial: [-0.1, 0.02, 0.0], tangential: [1e-3, -2e-3] });
+    curved.camera.distortion = Some(Distortion::brown_conrady([-0.1, 0.02, 0.0], [1e-3, -2e-3]));
     curved.camera.lens = Some(ThinLens { aperture_radius_m: 0.01, focus_distance_m: 1.2 });
     for view in [straight, curved] {
         let canvas = Window::canvas(&view.camera.intrinsics, 3);
@@ -200,7 +200,7 @@ fn of_objects(scene: &Arc<Scene>, view: &View, wants: &[KeyId], lighting: Lighti
 fn a_tile_is_the_window_of_its_object() {
     let (scene, straight) = busy_scene();
     let mut curved = straight.clone();
-    curved.camera.distortion = Some(Distortion { radial: [-0.1, 0.02, 0.0], tangential: [1e-3, -2e-3] });
+    curved.camera.distortion = Some(Distortion::brown_conrady([-0.1, 0.02, 0.0], [1e-3, -2e-3]));
     curved.camera.lens = Some(ThinLens { aperture_radius_m: 0.01, focus_distance_m: 1.2 });
     for (view, lighting) in [(&straight, Lighting::Alone), (&straight, Lighting::InScene), (&curved, Lighting::InScene)]
     {

@@ -21,7 +21,7 @@ fn rays_and_samples_of_pixels_are_the_cpus() {
     session.load(&scene, &Threads(2)).expect("loads");
     let straight = scenes::view([0.3, -1.0, 0.8], [0.0; 3], SIZE, 60.0);
     let mut curved = straight.clone();
-    curved.camera.distortion = Some(Distortion { radial: [-0.2, 0.05, 0.0], tangential: [1e-3, -2e-3] });
+    curved.camera.distortion = Some(Distortion::brown_conrady([-0.2, 0.05, 0.0], [1e-3, -2e-3]));
     // Inside the image, and beyond all of its edges.
     let whole_image = Window { x: 0, y: 0, width: SIZE[0], height: SIZE[1] };
     let around = Window { x: -300, y: -9, width: 340, height: 60 };

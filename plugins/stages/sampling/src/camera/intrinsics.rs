@@ -57,6 +57,14 @@ impl Default for IntrinsicsOption {
     }
 }
 
+impl PixelIntrinsics {
+    /// The intrinsics of an image of this width and height.
+    pub fn intrinsics(self, [width, height]: [u32; 2]) -> Intrinsics {
+        let Self { fx, fy, cx, cy } = self;
+        Intrinsics { width, height, fx, fy, cx, cy }
+    }
+}
+
 impl IntrinsicsOption {
     /// The intrinsics of an image of this width and height.
     pub fn intrinsics(self, [width, height]: [u32; 2]) -> Intrinsics {
@@ -70,7 +78,7 @@ impl IntrinsicsOption {
             Self::Physical(PhysicalCamera { focal_length_mm: f, sensor_size_mm: [sensor_w, sensor_h] }) => {
                 centered(w * f / sensor_w, h * f / sensor_h)
             }
-            Self::Pixels(PixelIntrinsics { fx, fy, cx, cy }) => Intrinsics { width, height, fx, fy, cx, cy },
+            Self::Pixels(pixels) => pixels.intrinsics([width, height]),
         }
     }
 

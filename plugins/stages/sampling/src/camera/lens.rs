@@ -2,9 +2,10 @@
 
 use syntable_model::geometry::{Point3, Pose};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Camera, Distortion, Intrinsics, ThinLens};
+use syntable_model::scene::{Camera, Distortion, Intrinsics, Polynomial, ThinLens};
 
-/// Coefficients of Brown–Conrady lens distortion, with OpenCV's names and meaning.
+/// Coefficients of lens distortion, with the names and meaning of OpenCV's `calibrateCamera`: 5 of Brown and Conrady, 8 of
+/// the rational model, or 12 with a thin prism.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DistortionOptions {
@@ -23,33 +24,89 @@ pub struct DistortionOptions {
     /// Radial coefficient of r⁶; 0 by default.
     #[schemars(range(min = -1e6, max = 1e6))]
     k3: f64,
+    /// Radial coefficient of r² in the denominator (`CALIB_RATIONAL_MODEL`); 0 by default.
+    #[schemars(range(min = -1e6, max = 1e6))]
+    #[serde(skip_serializing_if = "is_zero")]
+    k4: f64,
+    /// Radial coefficient of r⁴ in the denominator; 0 by default.
+    #[schemars(range(min = -1e6, max = 1e6))]
+    #[serde(skip_serializing_if = "is_zero")]
+    k5: f64,
+    /// Radial coefficient of r⁶ in the denominator; 0 by default.
+    #[schemars(range(min = -1e6, max = 1e6))]
+    #[serde(skip_serializing_if = "is_zero")]
+    k6: f64,
+    /// Thin-prism coefficient of r², horizontal (`CALIB_THIN_PRISM_MODEL`); 0 by default.
+    #[schemars(range(min = -1e6, max = 1e6))]
+    #[serde(skip_serializing_if = "is_zero")]
+    s1: f64,
+    /// Thin-prism coefficient of r⁴, horizontal; 0 by default.
+    #[schemars(range(min = -1e6, max = 1e6))]
+    #[serde(skip_serializing_if = "is_zero")]
+    s2: f64,
+    /// Thin-prism coefficient of r², vertical; 0 by default.
+    #[schemars(range(min = -1e6, max = 1e6))]
+    #[serde(skip_serializing_if = "is_zero")]
+    s3: f64,
+    /// Thin-prism coefficient of r⁴, vertical; 0 by default.
+    #[schemars(range(min = -1e6, max = 1e6))]
+    #[serde(skip_serializing_if = "is_zero")]
+    s4: f64,
+}
+
+/// Positions in an image, px: a fine grid along the border, a coarse one inside.
+fn grid(intrinsics: Intrinsics) -> impl Iterator<Item = [f64; 2]> {
+    const STEPS: u32 = 32;
+    let part = |step: u32, pixels: u32| f64::from(pixels) * f64::from(step) / f64::from(STEPS);
+    (0..=STEPS).flat_map(|i| (0..=STEPS).map(move |j| (i, j))).filter_map(move |(i, j)| {
+        let inner = (1..STEPS).contains(&i) && (1..STEPS).contains(&j);
+        let skipped = inner && (i % 4 != 0 || j % 4 != 0);
+        (!skipped).then(|| [part(i, intrinsics.width), part(j, intrinsics.height)])
+    })
+}
+
+/// Whether an option of OpenCV's longer models is off, so that resolved recipes do not list it.
+fn is_zero(coefficient: &f64) -> bool {
+    *coefficient == 0.0
 }
 
 impl DistortionOptions {
     /// The distortion. Rejects coefficients that map two directions to one pixel, or leave pixels without a direction.
     pub fn distortion(&self, intrinsics: Intrinsics) -> Result<Distortion, ConfigError> {
-        const STEPS: u32 = 32;
-        let Self { k1, k2, p1, p2, k3 } = *self;
-        let distortion = Distortion { radial: [k1, k2, k3], tangential: [p1, p2] };
+        let Self { k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 } = *self;
+        let distortion = Distortion::Polynomial(Polynomial {
+            radial: [k1, k2, k3],
+            tangential: [p1, p2],
+            denominator: [k4, k5, k6],
+            thin_prism: [s1, s2, s3, s4],
+        });
         let camera = Camera { distortion: Some(distortion), ..Camera::pinhole(intrinsics, Pose::identity()) };
-        for i in 0..=STEPS {
-            for j in 0..=STEPS {
-                let inner = (1..STEPS).contains(&i) && (1..STEPS).contains(&j);
-                // A fine grid along the border, a coarse one inside.
-                if inner && (i % 4 != 0 || j % 4 != 0) {
-                    continue;
-                }
-                let part = |step: u32, pixels: u32| f64::from(pixels) * f64::from(step) / f64::from(STEPS);
-                let (u, v) = (part(i, intrinsics.width), part(j, intrinsics.height));
-                if camera.unproject(u, v).is_none() {
-                    let message = format!(
-                        "`distortion` with k1 = {k1}, k2 = {k2}, k3 = {k3}, p1 = {p1}, p2 = {p2} folds the image over \
-                         before pixel ({u}, {v}): nothing can be seen there"
-                    );
-                    return Err(ConfigError::new("distortion", message)
-                        .help("use coefficients that were calibrated at this field of view, or a smaller one"));
-                }
-            }
+        if let Some([u, v]) = grid(intrinsics).find(|[u, v]| camera.unproject(*u, *v).is_none()) {
+            let all = [
+                ("k1", k1),
+                ("k2", k2),
+                ("k3", k3),
+                ("k4", k4),
+                ("k5", k5),
+                ("k6", k6),
+                ("p1", p1),
+                ("p2", p2),
+                ("s1", s1),
+                ("s2", s2),
+                ("s3", s3),
+                ("s4", s4),
+            ];
+            let given: Vec<String> = all
+                .into_iter()
+                .filter(|(_, value)| *value != 0.0)
+                .map(|(name, value)| format!("{name} = {value}"))
+                .collect();
+            let message = format!(
+                "`distortion` with {} folds the image over before pixel ({u}, {v}): nothing can be seen there",
+                given.join(", ")
+            );
+            return Err(ConfigError::new("distortion", message)
+                .help("use coefficients that were calibrated at this field of view, or a smaller one"));
         }
         Ok(distortion)
     }

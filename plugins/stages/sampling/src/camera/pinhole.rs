@@ -21,8 +21,8 @@ pub struct Pinhole {
     /// `{ physical = { focal_length_mm = 1.88, sensor_size_mm = [2.63, 1.96] } }` (the default) or
     /// `{ pixels = { fx = 457.5, fy = 460.4, cx = 320, cy = 240 } }`.
     intrinsics: IntrinsicsOption,
-    /// Brown–Conrady lens distortion with OpenCV's coefficients, such as `{ k1 = -0.2, k2 = 0.05 }`. Images, labels and
-    /// depth are all distorted; no distortion by default.
+    /// Lens distortion with OpenCV's coefficients, such as `{ k1 = -0.2, k2 = 0.05 }`. Images, labels and depth are all
+    /// distorted; no distortion by default. The kind `fisheye` has the lenses of OpenCV's `fisheye` module.
     #[serde(skip_serializing_if = "Option::is_none")]
     distortion: Option<DistortionOptions>,
     /// Depth of field, such as `{ f_number = 2.8, focus = "tabletop" }`; everything is in focus by default. Labels are

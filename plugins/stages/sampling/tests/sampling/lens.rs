@@ -2,16 +2,15 @@
 
 use super::*;
 use syntable_model::geometry::look_at;
+use syntable_model::scene::Distortion;
 
-fn camera_model(options: &str) -> Box<dyn CameraModel> {
-    match stage(Slot::Camera, "pinhole", options) {
-        Stage::Camera(camera) => camera,
-        _ => panic!("no camera"),
-    }
+fn optics_of(kind: &str, options: &str, pose: &Pose, seed: u64) -> Result<Optics> {
+    let Stage::Camera(camera) = stage(Slot::Camera, kind, options) else { panic!("no camera") };
+    with_context(seed, |context| camera.optics(&scene(None), pose, context))
 }
 
 fn optics_at(options: &str, pose: &Pose, seed: u64) -> Result<Optics> {
-    with_context(seed, |context| camera_model(options).optics(&scene(None), pose, context))
+    optics_of("pinhole", options, pose, seed)
 }
 
 #[test]
@@ -52,8 +51,7 @@ fn a_lens_has_the_aperture_of_its_f_number_and_focuses_on_depth() {
 #[test]
 fn distortion_is_passed_on_and_folds_are_rejected() {
     let got = optics("distortion = { k1 = -0.12, k2 = 0.02, p1 = 0.001, p2 = -0.002, k3 = 0.003 }");
-    let distortion = got.distortion.expect("distorted");
-    assert_eq!((distortion.radial, distortion.tangential), ([-0.12, 0.02, 0.003], [0.001, -0.002]));
+    assert_eq!(got.distortion, Some(Distortion::brown_conrady([-0.12, 0.02, 0.003], [0.001, -0.002])));
     assert_eq!(optics("").distortion, None);
     // A barrel of k1 alone turns back where 1 + 3 k1 r² = 0: at r' = 2/3 · √(-1/(3 k1)). The corner of a square image
     // of 90° lies at r' = √2.
@@ -66,6 +64,46 @@ fn distortion_is_passed_on_and_folds_are_rejected() {
 }
 
 #[test]
+fn longer_models_of_opencv_are_passed_on() {
+    let got = optics(
+        "distortion = { k1 = -0.1, k4 = 0.2, k5 = 0.03, k6 = -0.01, s1 = 0.001, s2 = 0.002, s3 = -0.003, s4 = 0.004 }",
+    );
+    let Some(Distortion::Polynomial(lens)) = got.distortion else { panic!("{got:?}") };
+    assert_eq!((lens.radial, lens.denominator), ([-0.1, 0.0, 0.0], [0.2, 0.03, -0.01]));
+    assert_eq!(lens.thin_prism, [0.001, 0.002, -0.003, 0.004]);
+}
+
+/// The edges of the image are at half the field of view, and all pixels of a circle of 89.5 degrees see something.
+#[test]
+fn a_fisheye_sees_its_field_of_view() {
+    let of = |options: &str| optics_of("fisheye", options, &Pose::identity(), 1).expect("optics");
+    for lens in ["", "k1 = 0.05\nk2 = -0.01"] {
+        let got = of(&format!("resolution = [200, 100]\nintrinsics = {{ fov_deg = 170 }}\n{lens}"));
+        let camera = Camera { distortion: got.distortion, ..Camera::pinhole(got.intrinsics, Pose::identity()) };
+        let edge = camera.unproject(200.0, 50.0).expect("seen");
+        assert!((edge.x.atan().to_degrees() - 85.0).abs() < 1e-6 && edge.y == 0.0, "{edge}");
+        assert_eq!(camera.project(&Point3::from(edge * 3.0)).map(|x| x.round()), [200.0, 50.0]);
+    }
+    // An equidistant lens of 1 rad per 100 px: 89.5 degrees are 156.2 px from the center.
+    let circle = of("resolution = [400, 400]\nintrinsics = { pixels = { fx = 100, fy = 100, cx = 200, cy = 200 } }");
+    let camera = Camera { distortion: circle.distortion, ..Camera::pinhole(circle.intrinsics, Pose::identity()) };
+    assert!(camera.unproject(200.0 + 156.1, 200.0).is_some() && camera.unproject(200.0 + 156.3, 200.0).is_none());
+    for (options, want) in [
+        ("k1 = -0.5", "folds the image over"),
+        ("intrinsics = { fov_deg = 60 }\nk1 = -0.5", ""),
+        ("intrinsics = { fov_deg = 180 }", "179"),
+        ("lens = { f_number = 2 }", "lens"),
+    ] {
+        if want.is_empty() {
+            let _ = of(options);
+            continue;
+        }
+        let error = refused(Slot::Camera, "fisheye", options);
+        assert!(error.contains(want), "{options}: {error}");
+    }
+}
+
+#[test]
 fn lens_options_are_checked() {
     for (options, want) in [
         ("intrinsics = { fov_deg = 60 }\nlens = { f_number = 2 }", "needs a focal length"),
@@ -74,7 +112,7 @@ fn lens_options_are_checked() {
         ("lens = { f_number = 2, focus = \"table\" }", "nearest_object"),
         ("lens = { f_number = 2, focus = { distance_m = 0 } }", "lens.focus.distance_m"),
         ("lens = { focus = \"tabletop\" }", "f_number"),
-        ("distortion = { k4 = 1 }", "k4"),
+        ("distortion = { k7 = 1 }", "k7"),
     ] {
         let error = refused(Slot::Camera, "pinhole", options);
         assert!(error.contains(want), "{options}: {error}");
