@@ -226,7 +226,7 @@ def plan(draw):
     draw.text(place(eye - [0, 0.25, 0]), "camera", fill="black", font=small, anchor="mm")
 
 
-roles = {"object": (90, 200, 90), "distractor": (230, 120, 60), "support": (150, 110, 70), "room": (110, 120, 140)}
+roles = {"object": (90, 200, 90), "distractor": (230, 120, 60), "support": (150, 110, 70), "room": (110, 120, 140), "fixture": (90, 120, 170)}
 by_role = np.zeros_like(rgb, dtype=float)
 instance = array("instance")
 for i, body in bodies.items():

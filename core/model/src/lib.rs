@@ -84,6 +84,7 @@ pub mod geometry;
 pub mod inspect;
 pub mod intern;
 pub mod left_out;
+pub mod length_unit;
 pub mod limits;
 pub mod names;
 pub mod panics;

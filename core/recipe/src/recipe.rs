@@ -14,6 +14,7 @@ use syntable_model::check::LabelCheck;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::registry::Slot;
+use syntable_model::scene::CatalogEntry;
 use syntable_model::stage::{
     CameraModel, DatasetInfo, LightSampler, Placer, Renderer, Scenes, Settler, ViewSampler, Writer,
 };
@@ -98,6 +99,12 @@ impl Recipe {
         mistakes.next().map_or(Ok(()), |(_, error)| Err(error))
     }
 
+    /// The labeled objects that placers have themselves instead of drawing them from a pool, each with its step's id.
+    pub fn own_objects(&self) -> Vec<(&str, CatalogEntry)> {
+        let steps = self.place.iter().map(|(id, placer)| (id.as_str(), placer.own_objects()));
+        steps.flat_map(|(id, own)| own.into_iter().map(move |entry| (id, entry))).collect()
+    }
+
     /// Width and height of the images, px, if the camera states them.
     pub fn resolution(&self) -> Option<[u32; 2]> {
         let resolved: toml::Table = self.resolved.parse().ok()?;
@@ -131,7 +138,9 @@ impl Recipe {
 
     /// Information on the dataset that stages may use.
     pub fn dataset_info(&self) -> DatasetInfo {
-        let classes: BTreeSet<&String> = self.assets.values().flat_map(|pool| pool.options.classes.keys()).collect();
+        let of_pools = self.assets.values().flat_map(|pool| pool.options.classes.keys().cloned());
+        let of_placers = self.own_objects().into_iter().map(|(_, entry)| entry.category);
+        let classes: BTreeSet<String> = of_pools.chain(of_placers.filter(|category| !category.is_empty())).collect();
         DatasetInfo {
             name: self.dataset.name.clone(),
             seed: self.dataset.seed,
@@ -139,7 +148,7 @@ impl Recipe {
             views_per_scene: self.dataset.views_per_scene,
             recipe: without_lock(&self.resolved),
             program: concat!("syntable ", env!("CARGO_PKG_VERSION")).to_owned(),
-            classes: classes.into_iter().filter(|class| *class != DatasetInfo::OBJECT.1).cloned().collect(),
+            classes: classes.into_iter().filter(|class| *class != DatasetInfo::OBJECT.1).collect(),
             own_categories: Vec::new(),
             label_surface: self.render.label_surface(),
         }

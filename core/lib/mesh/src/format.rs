@@ -9,6 +9,7 @@ use crate::image::DecodedImage;
 use crate::limits::Budget;
 use crate::root::AssetRoot;
 use crate::scan::extension;
+use crate::up::Up;
 use std::path::Path;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
@@ -145,6 +146,13 @@ impl MeshFormats {
                 .in_file(root.folder().join(file))
                 .help(format!("the mesh formats are {}", self.names("and")))),
         }
+    }
+
+    /// Reads a mesh file with z up. `up` is the axis that points up in a file of a format that does not state it.
+    pub fn read_upright(&self, root: &AssetRoot, file: &Path, up: Up, log: &dyn Log) -> Result<Model> {
+        let model = self.read(root, file, log)?;
+        let states_up_axis = self.of_file(file).is_some_and(|format| format.states_up_axis);
+        Ok(if up == Up::Y && !states_up_axis { model.y_up_to_z_up() } else { model })
     }
 }
 

@@ -58,8 +58,10 @@ pub mod root;
 pub mod scan;
 pub mod size;
 pub mod text;
+mod up;
 
 pub use digest::mesh_digest;
 pub use model::Model;
 pub use object::{FRICTION, ObjectInfo};
 pub use syntable_model;
+pub use up::Up;

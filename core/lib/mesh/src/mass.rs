@@ -1,6 +1,7 @@
 //! Estimated mass of objects whose source states no mass.
 
 use std::ops::RangeInclusive;
+use syntable_model::scene::{MassOrigin, MassProperties, Object, Topology};
 
 /// Density of household objects, kg/m³, over the volume that the surface encloses: between a full carton of juice
 /// (1000) and an empty box (50), as most objects are partly hollow.
@@ -13,6 +14,18 @@ pub const MASS_KG: RangeInclusive<f64> = 0.005..=20.0;
 pub fn estimate_kg(volume_m3: f64) -> f64 {
     let mass = volume_m3 * DENSITY_KG_M3;
     if mass.is_nan() { *MASS_KG.start() } else { mass.clamp(*MASS_KG.start(), *MASS_KG.end()) }
+}
+
+/// Mass of an object that is scaled by a factor, kg, and its origin. An estimated mass is estimated again for the new
+/// size. A known mass belongs to a material, which scaling does not change: it grows with the cube of the factor.
+pub fn scaled_kg(object: &Object, factor: f64) -> (f64, MassOrigin) {
+    let MassProperties { kg, origin, .. } = object.mass;
+    match origin {
+        MassOrigin::Estimated if factor != 1.0 => {
+            (estimate_kg(Topology::of(&object.mesh).solid_volume() * factor.powi(3)), origin)
+        }
+        _ => (kg * factor.powi(3), origin),
+    }
 }
 
 #[cfg(test)]

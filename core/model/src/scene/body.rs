@@ -35,6 +35,8 @@ pub enum Role {
     Support,
     /// Floor, wall or ceiling.
     Room,
+    /// Carries no objects and is no part of the room: a robot arm, a lamp, a rack.
+    Fixture,
 }
 
 impl Role {

@@ -3,7 +3,7 @@
 use crate::context::Context;
 use crate::error::Result;
 use crate::names::SupportName;
-use crate::scene::SceneBuilder;
+use crate::scene::{CatalogEntry, SceneBuilder};
 
 /// Adds bodies, and what belongs to them such as supports, with their initial poses. Placers run in recipe order.
 pub trait Placer: Send + Sync {
@@ -17,6 +17,11 @@ pub trait Placer: Send + Sync {
     /// Whether it may place bodies of [`Role::Object`](crate::scene::Role::Object): a scene needs one.
     fn places_objects(&self) -> bool {
         true
+    }
+    /// The labeled objects that it has itself instead of drawing them from a pool: their names, their categories (empty for
+    /// none), which get ids in annotation files, and their numbers.
+    fn own_objects(&self) -> Vec<CatalogEntry> {
+        Vec::new()
     }
 }
 

@@ -12,6 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::context::Log;
 use syntable_model::error::{ConfigError, Error, Result};
 use syntable_model::files::read_small;
+use syntable_model::length_unit::LengthUnit;
 use syntable_model::names::AssetPath;
 use syntable_model::scene::{AssetClass, CatalogEntry};
 use syntable_model::stage::{AssetLimits, AssetSource};
@@ -59,7 +60,7 @@ pub struct PoolOptions {
     /// Unit of what the source takes for meters. If it is left out, a folder of meshes warns of objects that are longer than
     /// 2 m or shorter than 5 mm.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub units: Option<Units>,
+    pub units: Option<LengthUnit>,
     /// Scale of the objects: a factor, or `{ longest_side_m = 0.2 }`.
     pub scale: Scale,
     /// Origin of the objects.
@@ -93,36 +94,6 @@ pub struct PoolOptions {
 
 fn is_default(limits: &AssetLimits) -> bool {
     *limits == AssetLimits::default()
-}
-
-/// A unit of length.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(rename = "LengthUnit")]
-pub enum Units {
-    /// Meters.
-    M,
-    /// Centimeters.
-    Cm,
-    /// Millimeters.
-    Mm,
-    /// Inches of 2.54 cm.
-    In,
-    /// Feet of 30.48 cm.
-    Ft,
-}
-
-impl Units {
-    /// Meters per unit.
-    pub fn meters(self) -> f64 {
-        match self {
-            Self::M => 1.0,
-            Self::Cm => 0.01,
-            Self::Mm => 0.001,
-            Self::In => 0.0254,
-            Self::Ft => 0.3048,
-        }
-    }
 }
 
 impl Default for PoolOptions {
@@ -257,7 +228,7 @@ impl PoolOptions {
 
     /// The factor for an object whose bounding box has a longest side of that length in the file: unit and scale.
     pub fn factor(&self, longest: f64) -> f64 {
-        let meters = self.units.map_or(1.0, Units::meters);
+        let meters = self.units.map_or(1.0, LengthUnit::meters);
         meters * self.scale.factor(longest * meters)
     }
 
@@ -584,11 +555,11 @@ mod tests {
     fn units_multiply_the_scale() {
         let options = |units, scale| PoolOptions { units, scale, ..Default::default() };
         assert_eq!(options(None, Scale::Factor(2.0)).factor(5.0), 2.0);
-        assert_eq!(options(Some(Units::Cm), Scale::Factor(2.0)).factor(5.0), 0.02);
-        assert!((options(Some(Units::Ft), Scale::Factor(1.0)).factor(1.0) - 12.0 * 0.0254).abs() < 1e-12);
+        assert_eq!(options(Some(LengthUnit::Cm), Scale::Factor(2.0)).factor(5.0), 0.02);
+        assert!((options(Some(LengthUnit::Ft), Scale::Factor(1.0)).factor(1.0) - 12.0 * 0.0254).abs() < 1e-12);
         let size = Scale::Size { longest_side_m: 0.5 };
         assert_eq!(options(None, size).factor(5.0), 0.1);
-        assert_eq!(options(Some(Units::Mm), size).validate().expect_err("contradict").key, "units");
+        assert_eq!(options(Some(LengthUnit::Mm), size).validate().expect_err("contradict").key, "units");
     }
 
     #[test]

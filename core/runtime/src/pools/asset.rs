@@ -2,7 +2,7 @@
 
 use super::open_pool::OpenPool;
 use std::sync::Arc;
-use syntable_mesh::mass::estimate_kg;
+use syntable_mesh::mass::scaled_kg;
 use syntable_mesh::size::doubt;
 use syntable_model::context::Log;
 use syntable_model::digest::Hasher;
@@ -94,12 +94,7 @@ impl OpenPool<'_> {
         };
         let mass = match stated {
             Some(kg) => (kg.max(MIN_KG), MassOrigin::Known),
-            // Estimates the mass for the scaled size of the object.
-            None if object.mass.origin == MassOrigin::Estimated && scale != 1.0 => {
-                (estimate_kg(volume()), MassOrigin::Estimated)
-            }
-            // A known mass belongs to a material, which scaling does not change.
-            None => (object.mass.kg * scale.powi(3), object.mass.origin),
+            None => scaled_kg(&object, scale),
         };
         let friction = own.friction.unwrap_or(object.friction);
         let digest = Hasher::new("pooled object")

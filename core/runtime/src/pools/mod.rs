@@ -61,9 +61,10 @@ impl<'a> AssetStore<'a> {
     /// opened, or the first that failed with a transient error.
     pub fn open(recipe: &'a Recipe, log: &'a dyn Log) -> Result<Self> {
         let mut pools = open(&recipe.assets, log)?;
-        number_places(&mut pools, &recipe.labeled_pools)?;
+        let own = recipe.own_objects();
+        number_places(&mut pools, &recipe.labeled_pools, &own)?;
         if recipe.write.iter().any(|(_, writer)| writer.needs_obj_ids()) {
-            numbers_differ(&pools, &recipe.labeled_pools)?;
+            numbers_differ(&pools, &recipe.labeled_pools, &own)?;
             for (id, _) in
                 pools.iter().filter(|(id, pool)| recipe.labeled_pools.contains(**id) && pool.resizes_numbered)
             {

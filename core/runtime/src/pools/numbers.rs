@@ -3,15 +3,20 @@
 use super::open_pool::OpenPool;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::error::{Error, Result};
+use syntable_model::scene::CatalogEntry;
 use syntable_recipe::{Numbering, Selection};
 
 /// Raises position-based numbers above all stated numbers and above the numbers of earlier pools. Pools with labeled
 /// objects come first, then the others, each group sorted by id. Numbers depend on the content of pools, never on the
-/// selected or drawn assets.
-pub(super) fn number_places(pools: &mut BTreeMap<&str, OpenPool>, labeled: &BTreeSet<String>) -> Result<()> {
+/// selected or drawn assets. `own` are the objects that placers have themselves.
+pub(super) fn number_places(
+    pools: &mut BTreeMap<&str, OpenPool>,
+    labeled: &BTreeSet<String>,
+    own: &[(&str, CatalogEntry)],
+) -> Result<()> {
     let is = |pool: &OpenPool, numbering| pool.numbering == Some(numbering);
     let stated = pools.values().filter(|pool| is(pool, Numbering::Stated)).map(|pool| pool.last_obj_id);
-    let mut last = stated.max().unwrap_or_default();
+    let mut last = stated.chain(own.iter().filter_map(|(_, entry)| entry.obj_id)).max().unwrap_or_default();
     for described in [true, false] {
         let those = pools.iter_mut().filter(|(id, _)| labeled.contains(**id) == described);
         for (id, pool) in those.filter(|(_, pool)| is(pool, Numbering::Places)) {
@@ -29,8 +34,13 @@ pub(super) fn number_places(pools: &mut BTreeMap<&str, OpenPool>, labeled: &BTre
     Ok(())
 }
 
-/// Refuses objects without a number, and two objects with the same number, in the pools of labeled objects.
-pub(super) fn numbers_differ(pools: &BTreeMap<&str, OpenPool>, labeled: &BTreeSet<String>) -> Result<()> {
+/// Refuses objects without a number, and two objects with the same number, among the pools of labeled objects and the
+/// objects that placers have themselves.
+pub(super) fn numbers_differ(
+    pools: &BTreeMap<&str, OpenPool>,
+    labeled: &BTreeSet<String>,
+    own: &[(&str, CatalogEntry)],
+) -> Result<()> {
     let described = || pools.iter().filter(|(id, _)| labeled.contains(**id));
     for (id, pool) in described() {
         let numbered = pool.options.all_numbered(&pool.selection.entries);
@@ -55,6 +65,25 @@ pub(super) fn numbers_differ(pools: &BTreeMap<&str, OpenPool>, labeled: &BTreeSe
             ),
         };
         return Err(Error::new(message).help(help).context(format!("assets.{id}")));
+    }
+    for (step, entry) in own {
+        let of_step =
+            |message: String, help: String| Err(Error::new(message).help(help).context(format!("place.{step}")));
+        let name = &entry.name;
+        let Some(obj_id) = entry.obj_id else {
+            return of_step(
+                format!("`{name}` has no `obj_id`, and a writer needs the numbers of all objects"),
+                "give the step an `obj_id`".to_owned(),
+            );
+        };
+        // The same object can be placed several times.
+        match seen.insert(obj_id, (step, name)) {
+            Some((other, its)) if its != name => {
+                let message = format!("`{other}/{its}` and `{name}` have the same `obj_id` {obj_id}");
+                return of_step(message, "give the step another `obj_id`".to_owned());
+            }
+            _ => {}
+        }
     }
     Ok(())
 }

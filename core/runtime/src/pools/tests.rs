@@ -69,32 +69,44 @@ fn numbers_depend_on_what_pools_hold_and_not_on_what_is_taken() {
         // Pools without labels come last, even if their names sort first.
         let pool = || numbered(options, &names, &[]);
         let mut pools = BTreeMap::from([("desks", pool()), ("objects", pool()), ("shoes", pool())]);
-        number_places(&mut pools, &labeled).expect("few");
+        number_places(&mut pools, &labeled, &[]).expect("few");
         assert_eq!((ids(&pools, "objects"), ids(&pools, "shoes")), (objects, shoes));
         assert_eq!(ids(&pools, "desks")[0], 9);
-        numbers_differ(&pools, &labeled).expect("all differ");
+        numbers_differ(&pools, &labeled, &[]).expect("all differ");
     }
     // Position-based numbers follow all stated numbers, selected or not.
     let stated = [("a", 3), ("b", 40), ("c", 2), ("d", 5)];
     let mut pools =
         BTreeMap::from([("objects", numbered(&all, &names, &[])), ("shoes", numbered(&some, &names, &stated))]);
-    number_places(&mut pools, &labeled).expect("few");
+    number_places(&mut pools, &labeled, &[]).expect("few");
     assert_eq!((ids(&pools, "objects"), ids(&pools, "shoes")), (vec![41, 42, 43, 44], vec![3, 2, 5]));
-    numbers_differ(&pools, &labeled).expect("all differ");
+    numbers_differ(&pools, &labeled, &[]).expect("all differ");
     // Stated numbers stay, and the error for a clash names both objects.
     let mut pools =
         BTreeMap::from([("objects", numbered(&all, &names, &stated)), ("shoes", numbered(&all, &names, &stated))]);
-    number_places(&mut pools, &labeled).expect("few");
-    let error = numbers_differ(&pools, &labeled).expect_err("equal");
+    number_places(&mut pools, &labeled, &[]).expect("few");
+    let error = numbers_differ(&pools, &labeled, &[]).expect_err("equal");
     assert!(error.to_string().contains("`objects/a` and `shoes/a` have the same `obj_id` 3"), "{error}");
     assert!(error.help_text().is_some_and(|help| help.contains("`first_id = 41` in [assets.shoes]")), "{error:?}");
     let twice = [("a", 1), ("b", 2), ("c", 1), ("d", 4)];
     let pools = BTreeMap::from([("objects", numbered(&all, &names, &twice))]);
-    let error = numbers_differ(&pools, &labeled).expect_err("equal");
+    let error = numbers_differ(&pools, &labeled, &[]).expect_err("equal");
     assert!(error.to_string().contains("`objects/a` and `objects/c` have the same `obj_id` 1"), "{error}");
     assert!(error.help_text().is_some_and(|help| help.contains("first_id = 1")), "{error:?}");
+    // The objects of placers have the numbers that they state.
+    let own = |name: &str, obj_id| [("arm", CatalogEntry { obj_id, ..CatalogEntry::new(name, "") })];
+    let mut pools = BTreeMap::from([("objects", numbered(&all, &names, &[]))]);
+    number_places(&mut pools, &labeled, &own("gripper", Some(6))).expect("few");
+    assert_eq!(ids(&pools, "objects"), [7, 8, 9, 10]);
+    numbers_differ(&pools, &labeled, &own("gripper", Some(6))).expect("all differ");
+    for (obj_id, says) in [(None, "`gripper` has no `obj_id`"), (Some(8), "`objects/b` and `gripper` have the same")] {
+        let error = numbers_differ(&pools, &labeled, &own("gripper", obj_id)).expect_err("refused").to_string();
+        assert!(error.contains(says) && error.contains("place.arm"), "{error}");
+    }
+    let twice = [own("gripper", Some(6)), own("gripper", Some(6))].concat();
+    numbers_differ(&pools, &labeled, &twice).expect("one object, placed twice");
     // Objects of unlabeled pools need no distinct numbers.
-    numbers_differ(&pools, &BTreeSet::new()).expect("no labels");
+    numbers_differ(&pools, &BTreeSet::new(), &[]).expect("no labels");
 }
 
 /// The object of 0.1 m by 0.2 m by 0.4 m and 0.2 kg, with the options of a pool applied.

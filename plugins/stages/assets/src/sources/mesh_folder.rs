@@ -4,9 +4,9 @@ use super::folder::{AssetFiles, FileIndex, add_asset, by_stem, category, leave_o
 use super::keypoints::with_keypoints;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use syntable_mesh::ObjectInfo;
 use syntable_mesh::format::MeshFormats;
 use syntable_mesh::root::AssetRoot;
+use syntable_mesh::{ObjectInfo, Up};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog};
 use syntable_model::stage::AssetLimits;
@@ -39,17 +39,6 @@ pub struct MeshFolder {
     files: FileIndex,
     #[serde(skip)]
     limits: AssetLimits,
-}
-
-/// The axis that points up.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Up {
-    /// z points up.
-    #[default]
-    Z,
-    /// y points up; the mesh is rotated to z up.
-    Y,
 }
 
 /// Treatment of meshes that are collision meshes according to their names.
@@ -93,9 +82,7 @@ impl AssetSource for MeshFolder {
         let formats = MeshFormats::linked()?;
         let file = self.files.file(name, || find(&root, &formats, self.collision_meshes, log))?;
         let file = file.ok_or_else(|| Error::new(format!("no mesh `{name}`")).in_file(root.folder()))?;
-        let model = formats.read(&root, &file, log)?;
-        let states_up_axis = formats.of_file(&file).is_some_and(|format| format.states_up_axis);
-        let model = if self.up == Up::Y && !states_up_axis { model.y_up_to_z_up() } else { model };
+        let model = formats.read_upright(&root, &file, self.up, log)?;
         let category = category(name, root.folder());
         let info = ObjectInfo { name: name.to_owned(), category, license: String::new() };
         let (object, _) = model.into_object(info, &root.folder().join(&file), log)?;

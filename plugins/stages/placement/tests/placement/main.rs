@@ -1,5 +1,6 @@
 //! Room, table and drop box on hand-made pools.
 
+mod mesh;
 mod randomization;
 
 use std::collections::BTreeMap;
