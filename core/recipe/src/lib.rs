@@ -40,6 +40,7 @@ pub use schema::describe::{OptionInfo, description_of, options_of};
 pub use schema::editor::{editor_schema, schema_text};
 pub use schema::kinds::schema;
 pub use schema::lints::lints;
+pub use tables::conditions::{AllObjects, ObjectCount, OnFailure, ViewConditions};
 pub use tables::dataset::{CatalogAsset, CatalogLock, CatalogNames, Dataset, Lock, OnBadAsset};
 pub use tables::ids::ObjectIds;
 pub use tables::numbering::Numbering;

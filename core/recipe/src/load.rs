@@ -244,7 +244,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     let mut stages: Vec<ResolvedStage> = plan.implied.iter().map(implied).collect();
     let mut pools = built.pools;
     let (files, draws, libraries) = (built.files, built.draws, built.libraries);
-    let (choices, undecided) = (built.choices, built.undecided);
+    let (choices, undecided, conditions) = (built.choices, built.undecided, built.views.conditions);
     let lock = Lock::from(lock);
     for mut stage in built.stages {
         match stage.stage.take() {
@@ -290,6 +290,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
         settle: settle?,
         camera: camera?,
         views: views?,
+        conditions,
         lights,
         render: render?,
         write,

@@ -2,6 +2,7 @@
 
 use crate::plan::{Plan, memory};
 use crate::resolved::without_lock;
+use crate::tables::conditions::ViewConditions;
 use crate::tables::dataset::{Dataset, Lock};
 use crate::tables::pool::Pool;
 use crate::tables::references::Draw;
@@ -33,6 +34,8 @@ pub struct Recipe {
     pub camera: Box<dyn CameraModel>,
     /// The view sampler.
     pub views: Box<dyn ViewSampler>,
+    /// Conditions that the poses of the view sampler must meet.
+    pub conditions: Option<ViewConditions>,
     /// The light samplers with their ids, in the recipe's order.
     pub lights: Vec<(String, Box<dyn LightSampler>)>,
     /// The renderer.

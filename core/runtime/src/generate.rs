@@ -172,7 +172,7 @@ impl<'a> SampleMaker<'a> {
     fn attempt(&self, scene: u32, number: u32, queue: &Queue<'a>) -> Result<Vec<Sample>> {
         let SceneWalk { tools, dataset, reporter, .. } = self.walk;
         let assets = RecordingAssets::new(tools.assets);
-        let attempt = Attempt { tools, dataset, scene: SceneId(scene), number, assets };
+        let attempt = Attempt { tools, dataset, scene: SceneId(scene), number, assets, draws: Mutex::default() };
         let mut builder = attempt.place()?;
         let report = attempt.settle(&mut builder)?;
         let frozen = Arc::new(builder.freeze(attempt.scene, number, report)?);

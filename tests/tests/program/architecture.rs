@@ -61,7 +61,7 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
             "syntable-transport" => vec!["syntable-model", "syntable-prepare", "syntable-simd"],
             name if NEUTRAL.contains(&name) => vec!["syntable-model", "syntable-simd"],
             "syntable-recipe" => vec!["syntable-model", "syntable-toml-schema"],
-            "syntable-runtime" => vec!["syntable-model", "syntable-mesh", "syntable-recipe"],
+            "syntable-runtime" => vec!["syntable-model", "syntable-mesh", "syntable-prepare", "syntable-recipe"],
             "syntable-testing" => vec!["syntable-model"],
             "syntable-cli" => {
                 vec!["syntable-model", "syntable-mesh", "syntable-recipe", "syntable-runtime", "syntable-simd"]

@@ -4,7 +4,8 @@
 //! numbered textures, placed bodies and [emissive triangles](EmissiveBody). [`LightTable`] checks and converts the
 //! lights of a view, [`EnvironmentDistribution`] holds the light of an environment map for importance sampling,
 //! [`Sampler`] provides the low-discrepancy numbers of paths, and [`labels`] the policy of all label renderers. A
-//! [`SceneCache`] keeps data of single assets between scenes.
+//! [`SceneCache`] keeps data of single assets between scenes. [`RayScene`] answers questions about a scene before it is
+//! rendered.
 //!
 //! Tables are vectors of plain structs that refer to each other by index, so a GPU renderer can pack each into its own
 //! layout. The methods that read a table are the reference for shaders, and the code of the CPU renderer.
@@ -22,6 +23,7 @@ mod light;
 mod mapping;
 mod material;
 mod mesh;
+mod rays;
 pub mod sampler;
 mod scene;
 mod texture;
@@ -40,6 +42,7 @@ pub use material::{
     PANE_ROUGHNESS, ScalarInput, TextureBinding,
 };
 pub use mesh::{ShadingMesh, ShadingTriangle, VertexTangents, is_mirrored, pack_unit, unpack_unit};
+pub use rays::{RayMesh, RayScene};
 pub use sampler::{SAMPLER_WGSL, SOBOL_PAIRS, SampleOrder, Sampler};
 pub use scene::{PreparedBody, PreparedScene, SurfacePoint};
 pub use texture::{MipLevel, MipTexture, decoding};

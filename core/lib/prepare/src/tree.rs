@@ -13,6 +13,13 @@ impl Bounds {
     /// The empty box.
     pub const EMPTY: Self = Self { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
 
+    /// The box around some points.
+    pub fn of(points: &[[f32; 3]]) -> Self {
+        let mut bounds = Self::EMPTY;
+        points.iter().for_each(|&p| bounds.include(p));
+        bounds
+    }
+
     /// Grows the box to include `p`.
     pub fn include(&mut self, p: [f32; 3]) {
         for (axis, &x) in p.iter().enumerate() {

@@ -29,6 +29,12 @@ pub trait ViewSampler: Send + Sync {
         let _ = (scene, view);
         Ok(Moment::START)
     }
+    /// The point that the camera of a view looks at, world, for the condition `line_of_sight`. None if the view has no such
+    /// point.
+    fn target(&self, scene: &Scene, view: ViewId) -> Option<Point3<f64>> {
+        let _ = (scene, view);
+        None
+    }
     /// Number of views, if it is fixed.
     fn count(&self) -> Option<u32> {
         None

@@ -12,6 +12,7 @@
 //!
 //! [`editor_schema`](crate::editor_schema) brings this schema into the form that editors read.
 
+use crate::tables::conditions::ViewOptions;
 use crate::tables::dataset::{DatasetTable, LockTable};
 use crate::tables::pool::PoolOptions;
 use schemars::JsonSchema;
@@ -35,6 +36,8 @@ pub(crate) struct Schemas {
     pub lock: Json,
     /// Options of every pool, for any class of assets.
     pub pool: Json,
+    /// Options of every `[views]` table.
+    pub views: Json,
     /// All kinds.
     pub kinds: Vec<KindSchema>,
     /// Why plugins cannot be used, one line each.
@@ -47,7 +50,8 @@ pub(crate) struct KindSchema {
     pub kind: &'static str,
     /// Class of the assets that the kind gives, if it gives assets.
     pub class: Option<AssetClass>,
-    /// Options of the kind. A source of assets also has the options of pools of its class.
+    /// Options of the kind. A source of assets also has the options of pools of its class, and a view sampler the options
+    /// of views.
     pub options: Json,
 }
 
@@ -58,6 +62,7 @@ impl Schemas {
         let dataset = builder.add(DatasetTable::json_schema);
         let lock = builder.add(LockTable::json_schema);
         let pool = builder.add(PoolOptions::json_schema);
+        let views = builder.add(ViewOptions::json_schema);
         let mut faults = Vec::new();
         let mut kinds: Vec<KindSchema> = registry
             .entries()
@@ -75,13 +80,16 @@ impl Schemas {
             for keyword in unsupported(&kind.options, &definitions) {
                 fault(format!("its schema has {keyword}"));
             }
-            if kind.slot == Slot::Assets {
-                for name in add_pool_options(&mut kind.options, &pool, kind.class) {
-                    fault(format!("its option `{name}` is an option of every pool already"));
-                }
+            let (shared, of) = match kind.slot {
+                Slot::Assets => (&pool, "pool"),
+                Slot::Views => (&views, "[views] table"),
+                _ => continue,
+            };
+            for name in add_shared_options(&mut kind.options, shared, kind.class) {
+                fault(format!("its option `{name}` is an option of every {of} already"));
             }
         }
-        Self { definitions, dataset, lock, pool, kinds, faults }
+        Self { definitions, dataset, lock, pool, views, kinds, faults }
     }
 
     /// The validator of these schemas.
@@ -94,17 +102,27 @@ impl Schemas {
         self.pool["properties"].get(name).is_some()
     }
 
+    /// Whether an option belongs to all tables of a slot rather than to a kind.
+    pub fn is_shared_option(&self, slot: Slot, name: &str) -> bool {
+        match slot {
+            Slot::Assets => self.is_pool_option(name),
+            Slot::Views => self.views["properties"].get(name).is_some(),
+            _ => false,
+        }
+    }
+
     /// The schema of a kind.
     pub fn kind(&self, slot: Slot, kind: &str) -> Option<&KindSchema> {
         self.kinds.iter().find(|schema| schema.slot == slot && schema.kind == kind)
     }
 }
 
-/// Adds the options of pools of a class to the options of a source. Returns the names that both have.
-fn add_pool_options(options: &mut Json, pool: &Json, class: Option<AssetClass>) -> Vec<String> {
+/// Adds the options that all tables of a slot share to the options of a kind; of pools, the options for a class. Returns
+/// the names that both have.
+fn add_shared_options(options: &mut Json, shared: &Json, class: Option<AssetClass>) -> Vec<String> {
     let Some(properties) = object_at(options, "properties") else { return Vec::new() };
     let mut both = Vec::new();
-    for (name, option) in pool["properties"].as_object().into_iter().flatten() {
+    for (name, option) in shared["properties"].as_object().into_iter().flatten() {
         if properties.contains_key(name) {
             both.push(name.clone());
         } else if class.is_none_or(|class| PoolOptions::applies(name, class)) {

@@ -4,7 +4,7 @@
 
 use crate::schema::kinds::Schemas;
 use serde_json::Value as Json;
-use syntable_model::registry::{ConstructError, Entry, Registry, Shape, Slot};
+use syntable_model::registry::{ConstructError, Entry, Registry, Shape};
 use syntable_toml_schema::{DisplayPath, Outcome, plain_members};
 
 /// Words that name a quantity, and the suffixes of its unit.
@@ -67,7 +67,7 @@ fn of_entry(entry: &Entry, schemas: &Schemas) -> Vec<String> {
     }
     let mut walk = Walk { schemas, seen: Vec::new(), faults: Vec::new() };
     for (name, option) in properties(&kind.options) {
-        if entry.slot == Slot::Assets && schemas.is_pool_option(name) {
+        if schemas.is_shared_option(entry.slot, name) {
             continue;
         }
         if name == "kind" || (name == "id" && entry.slot.shape() == Shape::List) {

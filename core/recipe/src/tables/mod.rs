@@ -2,6 +2,7 @@
 
 pub(crate) mod asset_names;
 pub(crate) mod check;
+pub(crate) mod conditions;
 pub(crate) mod dataset;
 pub(crate) mod ids;
 pub(crate) mod loader;

@@ -1,5 +1,6 @@
 //! Builds the stage of a table, and reports every option that it refuses.
 
+use crate::tables::conditions::ViewOptions;
 use crate::tables::loader::Loader;
 use crate::tables::pool::PoolOptions;
 use crate::tables::slot_tables::StageTable;
@@ -8,7 +9,7 @@ use crate::text::diagnostic::DiagnosticBuilder;
 use crate::text::key_path;
 use crate::text::source::Span;
 use serde::Deserialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use syntable_model::error::ConfigError;
 use syntable_model::registry::{ConstructError, Constructed, Entry, RecipeValue, Slot};
 use syntable_toml_schema::Step;
@@ -16,24 +17,17 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 impl Loader<'_, '_> {
-    /// Builds the stage, and the options of its pool if it is a source of assets.
+    /// Builds the stage, and the options that all tables of its slot share.
     pub fn construct(
         &self,
         entry: &Entry,
         given: &StageTable,
-        pools: &mut BTreeMap<String, PoolOptions>,
         diagnostics: &mut Vec<DiagnosticBuilder>,
-    ) -> Option<Constructed> {
+    ) -> Option<(Constructed, SharedOptions)> {
         let table = |own| Spanned::new(given.header.clone(), DeValue::Table(self.split(given, own)));
-        let options = match given.slot {
-            Slot::Assets => pool_options(table(false)).map(Some),
-            _ => Ok(None),
-        };
-        match options.and_then(|options| Ok((options, entry.construct_validated(table(true))?))) {
-            Ok((options, constructed)) => {
-                pools.extend(options.map(|options| (given.id.clone(), options)));
-                Some(constructed)
-            }
+        let shared = SharedOptions::read(given.slot, table(false));
+        match shared.and_then(|shared| Ok((entry.construct_validated(table(true))?, shared))) {
+            Ok(built) => Some(built),
             Err(_) => {
                 self.refusals(entry, given, &BTreeSet::new(), diagnostics);
                 None
@@ -41,8 +35,8 @@ impl Loader<'_, '_> {
         }
     }
 
-    /// Reports the options that a stage, and the pool of a source of assets, refuse. Options that are known to be wrong
-    /// are left out.
+    /// Reports the options that a stage refuses, and the refused options that all tables of its slot share. Options that
+    /// are known to be wrong are left out.
     pub fn refusals(
         &self,
         entry: &Entry,
@@ -52,25 +46,53 @@ impl Loader<'_, '_> {
     ) {
         let own = self.split(given, true);
         refusals(&|table| entry.construct_validated(table).map(drop), given, own, wrong.clone(), diagnostics);
-        if given.slot == Slot::Assets {
-            let pool = self.split(given, false);
-            refusals(&|table| pool_options(table).map(drop), given, pool, wrong.clone(), diagnostics);
-        }
+        let shared = self.split(given, false);
+        refusals(&|table| SharedOptions::read(given.slot, table).map(drop), given, shared, wrong.clone(), diagnostics);
     }
 
-    /// The options of the stage itself, or the options of its pool.
+    /// The options of the stage itself, or the options that all tables of its slot share.
     fn split<'a>(&self, given: &StageTable<'a>, own: bool) -> DeTable<'a> {
-        let of_pool = |name: &str| given.slot == Slot::Assets && self.schemas.is_pool_option(name);
-        given.table.clone().into_iter().filter(|(key, _)| of_pool(key.get_ref()) != own).collect()
+        let is_shared = |name: &str| self.schemas.is_shared_option(given.slot, name);
+        given.table.clone().into_iter().filter(|(key, _)| is_shared(key.get_ref()) != own).collect()
     }
 }
 
-/// Reads and checks the options of a pool.
-fn pool_options(table: RecipeValue) -> Result<PoolOptions, ConstructError> {
-    let mut options = PoolOptions::deserialize(ValueDeserializer::from(table)).map_err(ConstructError::Form)?;
-    options.validate().map_err(ConstructError::Invalid)?;
-    options.state_defaults();
-    Ok(options)
+/// The options that all tables of a slot share.
+pub(crate) enum SharedOptions {
+    None,
+    Pool(Box<PoolOptions>),
+    Views(ViewOptions),
+}
+
+impl SharedOptions {
+    /// Reads and checks the options.
+    fn read(slot: Slot, table: RecipeValue) -> Result<Self, ConstructError> {
+        match slot {
+            Slot::Assets => {
+                let mut options =
+                    PoolOptions::deserialize(ValueDeserializer::from(table)).map_err(ConstructError::Form)?;
+                options.validate().map_err(ConstructError::Invalid)?;
+                options.state_defaults();
+                Ok(Self::Pool(Box::new(options)))
+            }
+            Slot::Views => {
+                let options = ViewOptions::deserialize(ValueDeserializer::from(table)).map_err(ConstructError::Form)?;
+                options.validate().map_err(ConstructError::Invalid)?;
+                Ok(Self::Views(options))
+            }
+            _ => Ok(Self::None),
+        }
+    }
+
+    /// All options with their defaults.
+    pub fn table(&self) -> toml::Table {
+        let table = match self {
+            Self::None => Ok(toml::Table::new()),
+            Self::Pool(options) => toml::Table::try_from(options),
+            Self::Views(options) => toml::Table::try_from(options),
+        };
+        table.unwrap_or_default()
+    }
 }
 
 /// Reports the options that a stage refuses, one after the other, without options that are known to be `wrong`. If some

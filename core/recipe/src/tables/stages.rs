@@ -3,9 +3,11 @@
 use crate::merge::variables;
 use crate::schema::kinds::KindSchema;
 use crate::tables::check;
+use crate::tables::conditions::ViewOptions;
 use crate::tables::loader::Loader;
 use crate::tables::pool::PoolOptions;
 use crate::tables::references::{Draw, PoolNames, StageReferences, at_mut};
+use crate::tables::refusals::SharedOptions;
 use crate::tables::slot_tables::StageTable;
 use crate::text::code::Code;
 use crate::text::diagnostic::DiagnosticBuilder;
@@ -44,6 +46,8 @@ pub(crate) struct Built<'r> {
     pub stages: Vec<BuiltStage<'r>>,
     /// Options of the pools, by id.
     pub pools: BTreeMap<String, PoolOptions>,
+    /// Options of `[views]`, whatever its kind.
+    pub views: ViewOptions,
     /// Paths that options of other stages name, by the option.
     pub files: Vec<(String, PathBuf)>,
     /// Which pools the stages draw from.
@@ -125,7 +129,7 @@ impl<'r> Loader<'_, 'r> {
         built.libraries.extend(references.libraries.iter().map(|library| format!("{slot}: {library}")));
         let ok = valid && references.wrong.is_empty();
         let constructed = if ok {
-            self.construct(entry, &given, &mut built.pools, diagnostics)
+            self.construct(entry, &given, diagnostics)
         } else {
             // Mistakes in the other options are reported at the same time.
             let wrong = checked.wrong.union(&references.wrong).cloned().collect();
@@ -135,10 +139,13 @@ impl<'r> Loader<'_, 'r> {
         if let Some((class, _)) = names.pools.get_mut(&given.id).filter(|_| is_pool) {
             *class = kind.class;
         }
-        let Some(Constructed { stage, mut options }) = constructed else { return false };
-        if let Some(pool) = built.pools.get(&given.id).filter(|_| is_pool) {
-            let pool = toml::Table::try_from(pool).unwrap_or_default();
-            options.extend(pool.into_iter().filter(|(name, _)| kind.options["properties"].get(name).is_some()));
+        let Some((Constructed { stage, mut options }, shared)) = constructed else { return false };
+        let of_kind = |name: &str| kind.options["properties"].get(name).is_some();
+        options.extend(shared.table().into_iter().filter(|(name, _)| of_kind(name)));
+        match shared {
+            SharedOptions::Pool(pool) => drop(built.pools.insert(given.id.clone(), *pool)),
+            SharedOptions::Views(views) => built.views = views,
+            SharedOptions::None => {}
         }
         built.draws.extend(self.draws(&given, entry, &options, &kind.options));
         self.add_defaults((entry, kind), &options, &in_recipe, &given.header, (&mut references, names));

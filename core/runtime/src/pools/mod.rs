@@ -24,7 +24,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::context::{Assets, Collected, Log};
 use syntable_model::error::{Error, Result};
-use syntable_model::scene::{Asset, AssetRef, CatalogEntry};
+use syntable_model::scene::{Asset, AssetRef, CatalogEntry, Object};
+use syntable_prepare::{AssetCache, RayMesh};
 use syntable_recipe::{CatalogNames, Draw, OnBadAsset, PartSizes, Recipe};
 
 /// Mark in a lock and a journal, instead of a digest, for an asset that was drawn but skipped as unusable.
@@ -41,7 +42,12 @@ pub struct AssetStore<'a> {
     log: &'a dyn Log,
     loaded: Arc<Loaded>,
     refused: Mutex<Option<Error>>,
+    /// Trees of objects, for rays against scenes.
+    trees: AssetCache<RayMesh>,
 }
+
+/// Bytes of the trees that no scene uses.
+const TREE_BYTES: u64 = 128 << 20;
 
 impl<'a> AssetStore<'a> {
     /// A store of open pools with no locked digests and no loaded assets.
@@ -54,6 +60,7 @@ impl<'a> AssetStore<'a> {
             log,
             loaded: Arc::default(),
             refused: Mutex::default(),
+            trees: AssetCache::new(TREE_BYTES),
         }
     }
 
@@ -102,6 +109,11 @@ impl<'a> AssetStore<'a> {
     /// Names of the assets of each pool, with their categories and numbers.
     pub fn catalogs(&self) -> BTreeMap<String, CatalogNames> {
         self.pools.iter().map(|(&id, pool)| (id.to_owned(), pool.catalog())).collect()
+    }
+
+    /// The tree of an object, for rays against a scene.
+    pub fn tree(&self, object: &Object) -> Arc<RayMesh> {
+        self.trees.get(object.digest, || RayMesh::new(&object.mesh), RayMesh::size)
     }
 
     /// An error if an asset must stop the run: a bad asset that the recipe does not tolerate, an asset that is

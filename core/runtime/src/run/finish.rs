@@ -5,6 +5,7 @@ use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
 use crate::run::dataset::loss::Loss;
 use crate::run::dataset::manifest::Written;
+use crate::run::dataset::pose_draws::{PoseDraws, in_words};
 use crate::run::dataset::records::{self, Records};
 use crate::run::decisions::work_list;
 use crate::run::making::losses::DatasetLender;
@@ -62,6 +63,7 @@ pub fn end(
     let published = folder.publish_finish(&resolved, &mut journal, failure.is_none(), repair);
     failure.map_or(published, Err)?;
     tell_at_the_end(&made, reporter);
+    tell_of_poses(&made, reporter);
     let all_assets = entries.iter().flat_map(|entry| &entry.assets);
     let bad: BTreeSet<&String> = all_assets.filter(|(_, digest)| *digest == BAD).map(|(name, _)| name).collect();
     Ok(RunOutcome {
@@ -102,6 +104,25 @@ fn tell_at_the_end(made: &[JournalEntry], reporter: &dyn Reporter) {
         } else {
             log.warn(&warning);
         }
+    }
+}
+
+/// Reports the camera poses that conditions refused, and warns about views that do not meet them.
+fn tell_of_poses(made: &[JournalEntry], reporter: &dyn Reporter) {
+    let mut all = PoseDraws::default();
+    made.iter().for_each(|entry| all.add(&entry.poses));
+    if !all.refused.is_empty() {
+        let refused: u32 = all.refused.values().sum();
+        let message = format!("camera poses: {refused} of {} refused: {}", all.drawn, in_words(&all.refused));
+        reporter.event(&Event::Note { message });
+    }
+    let unmet = |entry: &&JournalEntry| !entry.poses.unmet.is_empty();
+    if let Some(JournalEntry { scene, poses, .. }) = made.iter().find(unmet) {
+        let views = count(made.iter().map(JournalEntry::views).sum(), "view");
+        let of = format!("{} of {views}, such as view {} of scene {scene}", all.unmet.len(), poses.unmet[0]);
+        let warning = Error::new("no drawn camera pose meets the conditions of [views]").context(of);
+        Warnings(reporter)
+            .warn(&warning.help("raise `attempts`, relax the conditions, or let `on_failure` be \"error\""));
     }
 }
 

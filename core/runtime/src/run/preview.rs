@@ -19,6 +19,7 @@ use crate::run::panics;
 use crate::run::progress::{Event, Reporter, Warnings};
 use crate::run::stop::Stop;
 use crate::workers::Pool;
+use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use syntable_model::context::{DatasetContext, Log};
@@ -241,7 +242,8 @@ impl PassSource<'_> {
         each: &mut dyn FnMut(u32, &Products),
     ) -> Result<Vec<Loss>> {
         let (tools, recorded) = (self.tools(), RecordingAssets::new(&self.assets));
-        let attempt = Attempt { tools, dataset: &self.info, scene: SceneId(scene), number, assets: recorded };
+        let (dataset, draws) = (&self.info, Mutex::default());
+        let attempt = Attempt { tools, dataset, scene: SceneId(scene), number, assets: recorded, draws };
         let frozen = compose(composed, self.keys.0, &attempt, self.reporter)?;
         let of_dataset = DatasetContext::new(&self.info, self.pool, self.log).with_cache(self.cache);
         let (mut of_scene, losses) = (Products::new(), Losses::default());

@@ -2,6 +2,7 @@
 
 use crate::run::dataset::layout;
 use crate::run::dataset::loss::Loss;
+use crate::run::dataset::pose_draws::PoseDraws;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader, Read};
@@ -27,6 +28,9 @@ pub struct JournalEntry {
     /// Anomalies of some but not all views, with the numbers of these views, ascending.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub odd_views: BTreeMap<Notice, Vec<u32>>,
+    /// Camera poses that were drawn under the conditions of `[views]`.
+    #[serde(default, skip_serializing_if = "PoseDraws::is_empty")]
+    pub poses: PoseDraws,
     /// Data that stages omitted from the scene's images, by stage.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<Loss>,
@@ -390,8 +394,8 @@ mod tests {
     fn entry(scene: u32) -> JournalEntry {
         let (writers, manifest) = (vec!["png".to_owned()], "00".to_owned());
         let outcome = SceneOutcome::Made { views: 2, objects: 3, writers, recorded: Vec::new(), manifest };
-        let (notices, odd_views, errors, assets) = Default::default();
-        JournalEntry { scene, attempt: 0, outcome, notices, odd_views, left_out: Vec::new(), errors, assets }
+        let (notices, odd_views, poses, errors, assets) = Default::default();
+        JournalEntry { scene, attempt: 0, outcome, notices, odd_views, poses, left_out: Vec::new(), errors, assets }
     }
 
     #[test]

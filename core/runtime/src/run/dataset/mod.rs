@@ -10,6 +10,7 @@ pub mod layout;
 mod locking;
 pub(crate) mod loss;
 pub(crate) mod manifest;
+pub(crate) mod pose_draws;
 mod proposal;
 pub(crate) mod records;
 mod recovery;

@@ -2,9 +2,12 @@
 //! and render scenes with it.
 
 use crate::pools::{AssetStore, RecordingAssets};
+use crate::run::dataset::pose_draws::{PoseDraws, in_words};
 use crate::run::making::times::Times;
+use crate::run::making::view_conditions::{ConditionTest, Verdict};
 use crate::run::panics::caught;
 use crate::run::stop::{Stop, StopReason};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::context::{Cache, Context, Log, Workers};
@@ -13,10 +16,13 @@ use syntable_model::limits::CANVAS_PIXELS;
 use syntable_model::product::standard::COVERAGE;
 use syntable_model::product::{Framing, KeyId, Products};
 use syntable_model::random::Stream;
-use syntable_model::scene::{Camera, Moment, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId};
+use syntable_model::scene::{
+    Camera, Exposure, Moment, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId,
+};
 use syntable_model::stage::{Atlas, Bodies, DatasetInfo, RenderRequest, RenderSession, Window};
-use syntable_recipe::Recipe;
+use syntable_prepare::RayScene;
 use syntable_recipe::plan::{Plan, Producer};
+use syntable_recipe::{OnFailure, Recipe};
 
 /// Inputs shared by the stages of all scenes.
 #[derive(Clone, Copy)]
@@ -46,6 +52,8 @@ pub struct Attempt<'a> {
     pub scene: SceneId,
     pub number: u32,
     pub assets: RecordingAssets<'a>,
+    /// The camera poses that were drawn under conditions.
+    pub draws: Mutex<PoseDraws>,
 }
 
 impl Attempt<'_> {
@@ -92,14 +100,29 @@ impl Attempt<'_> {
         let moment = caught("views", || recipe.views.moment(scene, id))?;
         let scene = &*scene.at(moment);
         let of_view = |stage: &str| self.stream(stage).at(u64::from(id.0));
-        let world_from_camera =
-            self.sample("views", of_view("views"), |context| recipe.views.pose(scene, id, context))?;
-        let Optics { intrinsics, distortion, lens, exposure } =
-            self.sample("camera", of_view("camera"), |context| {
-                recipe.camera.optics(scene, &world_from_camera, context)
-            })?;
-        let camera = Camera { intrinsics, distortion, lens, world_from_camera };
-        let shell = caught("views", || recipe.views.shell(scene))?;
+        let shell = || caught("views", || recipe.views.shell(scene));
+        let draw = |stream: Stream| {
+            let world_from_camera = self.sample("views", stream, |context| recipe.views.pose(scene, id, context))?;
+            let Optics { intrinsics, distortion, lens, exposure } =
+                self.sample("camera", of_view("camera"), |context| {
+                    recipe.camera.optics(scene, &world_from_camera, context)
+                })?;
+            Ok((Camera { intrinsics, distortion, lens, world_from_camera }, exposure))
+        };
+        let (camera, exposure) = match &recipe.conditions {
+            None => draw(of_view("views"))?,
+            Some(conditions) => {
+                let trees = || Ok(RayScene::new(scene, |object| self.tools.assets.tree(object)));
+                let rays = self.tools.times.of("views.conditions", trees)?;
+                let target = caught("views", || Ok(recipe.views.target(scene, id)))?;
+                let test = ConditionTest { conditions, scene, rays: &rays, center: shell()?.center, target };
+                self.accepted(&test, id, |number| match number {
+                    0 => draw(of_view("views")),
+                    _ => draw(of_view("views").child("draw").at(u64::from(number))),
+                })?
+            }
+        };
+        let shell = shell()?;
         let mut lights = scene.lights.clone();
         for (light, sampler) in &recipe.lights {
             let stage = format!("lights.{light}");
@@ -107,6 +130,55 @@ impl Attempt<'_> {
             lights.extend(self.sample(&stage, stream, |context| sampler.lights(scene, &camera, &shell, context))?);
         }
         Ok(View { id, moment, camera, exposure, lights })
+    }
+
+    /// The first drawn camera of a view that meets the conditions, or else the best one, or an error.
+    fn accepted(
+        &self,
+        test: &ConditionTest,
+        view: ViewId,
+        draw: impl Fn(u32) -> Result<(Camera, Exposure)>,
+    ) -> Result<(Camera, Exposure)> {
+        let mut draws = PoseDraws::default();
+        let mut best: Option<(Verdict, (Camera, Exposure))> = None;
+        for number in 0..test.conditions.attempts {
+            let drawn = draw(number)?;
+            // A kind that draws no random numbers gives the same pose again.
+            if number == 1
+                && best.as_ref().is_some_and(|(_, (first, _))| first.world_from_camera == drawn.0.world_from_camera)
+            {
+                break;
+            }
+            draws.drawn += 1;
+            let verdict = self.tools.times.of("views.conditions", || test.verdict(&drawn.0))?;
+            let Verdict::Refused(condition, _) = verdict else {
+                self.draws.lock().add(&draws);
+                return Ok(drawn);
+            };
+            *draws.refused.entry(condition).or_default() += 1;
+            if best.as_ref().is_none_or(|(other, _)| verdict > *other) {
+                best = Some((verdict, drawn));
+            }
+        }
+        match best.filter(|_| test.conditions.on_failure == OnFailure::Best) {
+            Some((_, camera)) => {
+                draws.unmet.push(view.0);
+                self.draws.lock().add(&draws);
+                Ok(camera)
+            }
+            None => {
+                let poses = if draws.drawn == 1 { "the pose does not meet" } else { "no pose meets" };
+                let message = format!(
+                    "view {}: {poses} [views.conditions]; {} drawn, refused by {}",
+                    view.0,
+                    draws.drawn,
+                    in_words(&draws.refused)
+                );
+                Err(Error::unlucky(message).help(
+                    "relax the conditions that refuse most poses, change the poses of [views], or set `on_failure = \"best\"`",
+                ))
+            }
+        }
     }
 
     /// The random numbers of the sensors of a plan.

@@ -13,5 +13,6 @@ pub(crate) mod scenes;
 pub(crate) mod sessions;
 pub(crate) mod stages;
 pub mod times;
+pub(crate) mod view_conditions;
 pub(crate) mod walk;
 pub(crate) mod writers;

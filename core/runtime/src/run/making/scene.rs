@@ -5,6 +5,7 @@ use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{JournalEntry, SceneOutcome};
 use crate::run::dataset::loss::Loss;
 use crate::run::dataset::manifest::{Manifest, Written};
+use crate::run::dataset::pose_draws::PoseDraws;
 use crate::run::dataset::records::{self, Records};
 use crate::run::dataset::settled;
 use crate::run::decisions::work_list::{self, Task, Work};
@@ -18,6 +19,7 @@ use crate::run::making::times::Times;
 use crate::run::making::walk::{SceneWalk, ViewSink, scene_event};
 use crate::run::making::writers::Writers;
 use crate::run::progress::Reporter;
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::check::LabelCheck;
@@ -73,18 +75,21 @@ impl<'a> SceneMaker<'a> {
                 let (written, entry) = extended(present, made, whole);
                 Ok(Some(MadeScene { entry, kept, written }))
             }
-            Some((WrittenScene { views, objects, anomalies, left_out, written, assets }, None)) => {
+            Some((WrittenScene { views, objects, anomalies, left_out, written, assets, poses }, None)) => {
                 let outcome = outcome(views, objects, whole);
                 let Anomalies { scene: notices, views: odd_views, .. } = anomalies;
                 let attempt = number;
-                let entry = JournalEntry { scene, attempt, outcome, notices, odd_views, left_out, errors, assets };
+                let entry =
+                    JournalEntry { scene, attempt, outcome, notices, odd_views, poses, left_out, errors, assets };
                 Ok(Some(MadeScene { entry, kept: Manifest::default(), written }))
             }
             None if is_present => self.folder.abandon(scene).map(|()| None),
             None => {
-                let (outcome, (notices, odd_views, left_out, assets)) = (SceneOutcome::Failed, Default::default());
+                let (outcome, (notices, odd_views, poses, left_out, assets)) =
+                    (SceneOutcome::Failed, Default::default());
                 let attempt = number;
-                let entry = JournalEntry { scene, attempt, outcome, notices, odd_views, left_out, errors, assets };
+                let entry =
+                    JournalEntry { scene, attempt, outcome, notices, odd_views, poses, left_out, errors, assets };
                 Ok(Some(MadeScene { entry, kept: Manifest::default(), written: Written::new() }))
             }
         }
@@ -100,9 +105,10 @@ impl<'a> SceneMaker<'a> {
     ) -> Result<WrittenScene> {
         let staged = self.folder.stage(scene)?;
         let assets = RecordingAssets::new(self.tools.assets);
-        let attempt = Attempt { tools: self.tools, dataset: &work.dataset, scene: SceneId(scene), number, assets };
+        let (dataset, scene, draws) = (&work.dataset, SceneId(scene), Mutex::default());
+        let attempt = Attempt { tools: self.tools, dataset, scene, number, assets, draws };
         let written = self.write(&attempt, work, (&staged, stored), queue)?;
-        Ok(WrittenScene { assets: attempt.assets.into_digests(), ..written })
+        Ok(WrittenScene { assets: attempt.assets.into_digests(), poses: attempt.draws.into_inner(), ..written })
     }
 
     /// Composes the scene of an attempt, walks over it, and writes its files.
@@ -129,7 +135,8 @@ impl<'a> SceneMaker<'a> {
         self.reporter.event(&scene_event(&scene));
         let (views, objects) = (work.dataset.views_per_scene, scene.objects().len() as u32);
         let (anomalies, left_out) = (files.scan.anomalies(&scene), losses.all());
-        Ok(WrittenScene { views, objects, anomalies, left_out, written, assets: BTreeMap::new() })
+        let (assets, poses) = Default::default();
+        Ok(WrittenScene { views, objects, anomalies, left_out, written, assets, poses })
     }
 
     /// Places the bodies, and settles them, or applies the `stored` result of settling.
@@ -173,7 +180,7 @@ fn outcome(views: u32, objects: u32, work: &Work) -> SceneOutcome {
 /// The new files and the journal line of a scene that got its missing parts. The line equals the line of a scene that
 /// had them from the start.
 fn extended(present: &JournalEntry, made: WrittenScene, whole: &Work) -> (Written, JournalEntry) {
-    let WrittenScene { views, objects, anomalies, left_out, written, assets } = made;
+    let WrittenScene { views, objects, anomalies, left_out, written, assets, .. } = made;
     let mut entry = present.clone();
     entry.outcome = outcome(views, objects, whole);
     // New findings replace earlier ones.
@@ -197,6 +204,7 @@ struct WrittenScene {
     written: Written,
     /// Digests of the assets that it drew.
     assets: BTreeMap<String, String>,
+    poses: PoseDraws,
 }
 
 /// Writes the views of a scene, and keeps the data of the views for the journal and for annotators of the dataset.

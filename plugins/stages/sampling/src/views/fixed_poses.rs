@@ -81,10 +81,14 @@ impl Config for FixedPoses {
 
     fn build(self) -> Result<Box<dyn ViewSampler>, ConfigError> {
         let pose = |(i, entry): (usize, PoseEntry)| match entry {
-            PoseEntry::LookAt(pose) => pose.pose(&format!("poses[{i}].look_at")),
-            PoseEntry::WorldFromCamera(rows) => from_matrix(rows, &format!("poses[{i}].world_from_camera")),
+            PoseEntry::LookAt(pose) => {
+                Ok((pose.pose(&format!("poses[{i}].look_at"))?, Some(Point3::from(pose.target_m))))
+            }
+            PoseEntry::WorldFromCamera(rows) => {
+                Ok((from_matrix(rows, &format!("poses[{i}].world_from_camera"))?, None))
+            }
         };
-        let poses = self.poses.into_iter().enumerate().map(pose).collect::<Result<_, _>>()?;
+        let poses = self.poses.into_iter().enumerate().map(pose).collect::<Result<_, ConfigError>>()?;
         Ok(Box::new(ListedPoses { poses, relative_to: self.relative_to, support: self.support }))
     }
 }
@@ -134,7 +138,8 @@ fn from_matrix(rows: [[f64; 4]; 4], key: &str) -> Result<Pose, ConfigError> {
 }
 
 struct ListedPoses {
-    poses: Vec<Pose>,
+    /// Each with the point that it looks at, if the recipe states the point.
+    poses: Vec<(Pose, Option<Point3<f64>>)>,
     relative_to: Origin,
     support: Option<SupportName>,
 }
@@ -150,11 +155,16 @@ impl ListedPoses {
 
 impl ViewSampler for ListedPoses {
     fn pose(&self, scene: &Scene, view: ViewId, _: &Context) -> Result<Pose> {
-        let pose = self.poses.get(view.0 as usize).ok_or_else(|| {
+        let (pose, _) = self.poses.get(view.0 as usize).ok_or_else(|| {
             Error::new(format!("view {} has no pose; {} are listed", view.0, self.poses.len()))
                 .help("set dataset.views_per_scene to the number of poses, or list more")
         })?;
         Ok(self.origin(scene.support(self.support.as_ref())?) * pose)
+    }
+
+    fn target(&self, scene: &Scene, view: ViewId) -> Option<Point3<f64>> {
+        let (_, target) = self.poses.get(view.0 as usize)?;
+        Some(self.origin(scene.support(self.support.as_ref()).ok()?) * (*target)?)
     }
 
     /// The shell around the center of the support that contains all poses.
@@ -164,7 +174,7 @@ impl ViewSampler for ListedPoses {
         let radius = self
             .poses
             .iter()
-            .map(|pose| ((origin * pose).translation.vector - center.coords).norm())
+            .map(|(pose, _)| ((origin * pose).translation.vector - center.coords).norm())
             .fold([f64::INFINITY, 0.0], |[low, high], r| [r.min(low), r.max(high)]);
         Ok(Shell { center, radius })
     }

@@ -4,7 +4,7 @@ use crate::common::bounds::check_order;
 use crate::common::shell::{HEMISPHERE_DEG, center, direction};
 use crate::views::look_at::{LookAt, rolled};
 use crate::views::radius::ViewRadius;
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use syntable_model::geometry::look_at;
 use syntable_model::prelude::*;
 use syntable_model::scene::ViewId;
@@ -75,6 +75,11 @@ impl ViewSampler for HemisphereShell {
         let target = self.look_at.point(scene, support, self.center_offset_m);
         let roll = self.roll_deg.draw(&mut context.stream.child("roll"));
         Ok(rolled(look_at(eye, target, Vector3::z()), roll))
+    }
+
+    fn target(&self, scene: &Scene, _: ViewId) -> Option<Point3<f64>> {
+        let support = scene.support(self.support.as_ref()).ok()?;
+        Some(self.look_at.point(scene, support, self.center_offset_m))
     }
 
     fn shell(&self, scene: &Scene) -> Result<Shell> {

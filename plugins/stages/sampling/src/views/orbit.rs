@@ -3,7 +3,7 @@
 use crate::common::shell::center;
 use crate::views::look_at::LookAt;
 use crate::views::radius::ViewDistance;
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use syntable_model::geometry::look_at;
 use syntable_model::prelude::*;
 use syntable_model::scene::ViewId;
@@ -70,6 +70,11 @@ impl ViewSampler for Orbit {
         let direction = Vector3::new(cos * libm::cos(azimuth), cos * libm::sin(azimuth), sin);
         let eye = center(support, self.center_offset_m) + r * direction;
         Ok(look_at(eye, self.look_at.point(scene, support, self.center_offset_m), Vector3::z()))
+    }
+
+    fn target(&self, scene: &Scene, _: ViewId) -> Option<Point3<f64>> {
+        let support = scene.support(self.support.as_ref()).ok()?;
+        Some(self.look_at.point(scene, support, self.center_offset_m))
     }
 
     fn shell(&self, scene: &Scene) -> Result<Shell> {
