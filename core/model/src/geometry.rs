@@ -9,6 +9,8 @@
 //! Poses are named `target_from_source`, so that names cancel in a product:
 //! `camera_from_body = camera_from_world * world_from_body`.
 
+use crate::error::ConfigError;
+
 pub use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 
 /// A rigid motion, `target_from_source`, in f64.
@@ -99,6 +101,38 @@ pub fn pose_of_matrix(m: &[[f64; 4]; 4]) -> Pose {
     let column = |axis: usize| Vector3::new(m[0][axis], m[1][axis], m[2][axis]);
     let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[column(0), column(1), column(2)]));
     Pose::from_parts(column(3).into(), UnitQuaternion::from_rotation_matrix(&rotation))
+}
+
+/// The rigid motion of a matrix of 4 × 4 in an option, row by row. Rounded digits of a rotation are accepted.
+///
+/// # Errors
+/// If the matrix scales, mirrors or shears, or its last row is not [0, 0, 0, 1]. `key` is the option's path.
+pub fn rigid(rows: [[f64; 4]; 4], key: &str) -> Result<Pose, ConfigError> {
+    let name = key.rsplit('.').next().unwrap_or(key);
+    if rows[3] != [0.0, 0.0, 0.0, 1.0] {
+        let message = format!("the last row of `{name}` is {:?}", rows[3]);
+        return Err(
+            ConfigError::new(format!("{key}[3]"), message).help("write the matrix row by row, ending in [0, 0, 0, 1]")
+        );
+    }
+    let rotation = Matrix3::from_fn(|r, c| rows[r][c]);
+    let error = (rotation * rotation.transpose() - Matrix3::identity()).abs().max();
+    let determinant = rotation.determinant();
+    if error > 1e-4 || determinant < 0.0 {
+        let message = format!(
+            "`{name}` is not a rigid transform: R Rᵀ differs from the identity by {error:.1e}, and the \
+             determinant is {determinant:.3}"
+        );
+        return Err(ConfigError::new(key, message)
+            .help("its upper left 3 × 3 block must be a rotation, without scale or mirroring"));
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_eps(
+        &rotation,
+        1e-12,
+        100,
+        Rotation3::from_matrix_unchecked(rotation),
+    ));
+    Ok(Pose::from_parts(Translation3::new(rows[0][3], rows[1][3], rows[2][3]), rotation))
 }
 
 /// A camera's `world_from_camera` at `eye`, looking at `target`, with `up` towards the top of the image.

@@ -46,6 +46,7 @@ pub use tables::ids::ObjectIds;
 pub use tables::numbering::Numbering;
 pub use tables::pool::{Center, Mass, ObjectProperties, Pool, PoolOptions, Scale, Selection};
 pub use tables::references::Draw;
+pub use tables::rig::Rig;
 pub use tables::split::{PartSizes, Split, SplitPart};
 pub use text::code::Code;
 pub use text::diagnostic::{Diagnostic, Label, Severity};

@@ -13,6 +13,7 @@ use crate::tables::dataset::{Dataset, DatasetTable, Lock, LockTable};
 use crate::tables::loader::Loader;
 use crate::tables::placers;
 use crate::tables::pool::{Pool, PoolOptions};
+use crate::tables::rig::Rig;
 use crate::tables::sections;
 use crate::tables::stages::{Built, BuiltStage};
 use crate::text::code::Code;
@@ -244,6 +245,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     let mut stages: Vec<ResolvedStage> = plan.implied.iter().map(implied).collect();
     let mut pools = built.pools;
     let (files, draws, libraries) = (built.files, built.draws, built.libraries);
+    let rig = Rig::of(&built.views.rig).ok()?;
     let (choices, undecided, conditions) = (built.choices, built.undecided, built.views.conditions);
     let lock = Lock::from(lock);
     for mut stage in built.stages {
@@ -291,6 +293,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
         camera: camera?,
         views: views?,
         conditions,
+        rig,
         lights,
         render: render?,
         write,

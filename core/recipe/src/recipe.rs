@@ -6,6 +6,7 @@ use crate::tables::conditions::ViewConditions;
 use crate::tables::dataset::{Dataset, Lock};
 use crate::tables::pool::Pool;
 use crate::tables::references::Draw;
+use crate::tables::rig::Rig;
 use crate::writer_paths::{bad_paths, unready};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -36,6 +37,8 @@ pub struct Recipe {
     pub views: Box<dyn ViewSampler>,
     /// Conditions that the poses of the view sampler must meet.
     pub conditions: Option<ViewConditions>,
+    /// The cameras of each pose of the view sampler.
+    pub rig: Rig,
     /// The light samplers with their ids, in the recipe's order.
     pub lights: Vec<(String, Box<dyn LightSampler>)>,
     /// The renderer.

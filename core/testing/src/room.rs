@@ -31,6 +31,7 @@ pub fn view(width: u32, height: u32) -> View {
         camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Auto { compensation_ev: 0.0 },
         lights: vec![Light::Rect(panel), Light::Sphere(globe)],
+        rig: None,
     }
 }
 

@@ -93,6 +93,7 @@ pub fn view(eye: [f64; 3], target: [f64; 3], size: [u32; 2], fov_deg: f64) -> Vi
         id: ViewId(0),
         camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Auto { compensation_ev: 0.0 },
+        rig: None,
         lights: vec![Light::Sphere(SphereLight {
             center: Point3::new(0.5, -1.0, 3.0),
             radius: 0.2,

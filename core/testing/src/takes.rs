@@ -165,6 +165,7 @@ fn view(number: u32) -> View {
         camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Fixed { ev100: 1.0 },
         lights: Vec::new(),
+        rig: None,
     }
 }
 

@@ -2,6 +2,7 @@
 //! scenes.
 
 use crate::support::{files, ok, root, skip, syntable, text};
+use serde_json::{Value, json};
 use std::path::Path;
 use std::process::Command;
 
@@ -53,4 +54,47 @@ fn relations_of_an_old_scene_match_a_new_one() {
     let of = |out: &Path, name: &str| std::fs::read_to_string(out.join(name)).expect("written");
     assert!(!files(&new).is_empty());
     assert_eq!(of(&grown, "more.jsonl"), of(&new, "views.jsonl"));
+}
+
+/// A stereo pair sees one scene in one light from two places, at the poses of a recipe without a rig.
+#[test]
+fn the_cameras_of_a_rig_take_one_moment_from_their_places() {
+    const RECORDS: &str = "write.views={ kind = \"jsonl\", include = [\"camera\", \"lights\", \"object_info\"] }";
+    const RIG: &str = "views.rig=[{ name = \"left\" }, { name = \"right\", position_m = [0.06, 0, 0] }]";
+    let folder = tempfile::tempdir().expect("a folder");
+    let records = |name: &str, more: &[&str]| -> Vec<Value> {
+        let out = folder.path().join(name);
+        let sets = [&["--set", "dataset.scenes=1"], more].concat();
+        run(&out, "[64, 48]", &[RECORDS], &sets);
+        let text = std::fs::read_to_string(out.join("views.jsonl")).expect("written");
+        text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+    };
+    let single = records("single", &["--set", "dataset.views_per_scene=2"]);
+    let pairs = records("pairs", &["--set", "dataset.views_per_scene=4", "--set", RIG]);
+    let translation = |record: &Value| -> Vec<f64> {
+        let matrix = &record["camera_from_object"];
+        (0..3).map(|row| matrix[row][3].as_f64().expect("a number")).collect()
+    };
+    let mut compared = 0;
+    for (pose, single) in single.iter().enumerate() {
+        let [left, right] = [2 * pose, 2 * pose + 1].map(|view| &pairs[view]);
+        for (record, name) in [(left, "left"), (right, "right")] {
+            assert_eq!((&record["camera"]["rig_camera"], &record["camera"]["rig_pose"]), (&json!(name), &json!(pose)));
+            assert_eq!(record["lights"], single["lights"]);
+        }
+        assert_eq!(left["camera"]["world_from_camera"], single["camera"]["world_from_camera"]);
+        assert_eq!(right["camera"]["rig_from_camera"][0][3], 0.06);
+        let of = |record: &Value| record["object_info"].as_object().expect("objects").clone();
+        for (id, object) in of(right) {
+            let [left, right] = [&left["object_info"][&id], &object].map(translation);
+            let moved: Vec<f64> = left.iter().zip(&right).map(|(left, right)| left - right).collect();
+            assert!((moved[0] - 0.06).abs() < 1e-9 && moved[1].abs() + moved[2].abs() < 1e-9, "{id}: {moved:?}");
+            compared += 1;
+        }
+    }
+    assert!(pairs.len() == 4 && compared >= 10, "{} views, {compared} objects", pairs.len());
+    let mut odd = syntable();
+    odd.args(["check", "builtin:quickstart", "--set", RIG, "--set", "dataset.views_per_scene=3"]);
+    let said = crate::support::fails(&mut odd, 1);
+    assert!(said.contains("not a multiple of 2") && said.contains("write 2 or 4"), "{said}");
 }

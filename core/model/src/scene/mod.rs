@@ -15,6 +15,7 @@ mod material;
 mod mesh;
 mod moment;
 mod moments;
+mod rig;
 mod settled;
 mod support;
 mod symmetry;
@@ -36,6 +37,7 @@ pub use material::{
 pub use mesh::{Mesh, MeshData};
 pub use moment::{Moment, Trajectory};
 pub use moments::Moments;
+pub use rig::RigView;
 pub use settled::{PlacedBodies, Settled};
 pub use support::{DropZone, Region, Support, Supports};
 pub use symmetry::{Symmetries, SymmetryAxis};
@@ -342,4 +344,6 @@ pub struct View {
     pub exposure: Exposure,
     /// All lights: the scene's and the view's own.
     pub lights: Vec<Light>,
+    /// The camera of a rig that takes it, if there are several.
+    pub rig: Option<RigView>,
 }

@@ -1,5 +1,6 @@
 //! Conditions on camera poses, which every kind of `[views]` has.
 
+use crate::tables::rig::{Rig, RigCamera};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::error::ConfigError;
@@ -12,6 +13,12 @@ pub struct ViewOptions {
     /// pose is accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub conditions: Option<ViewConditions>,
+    /// Cameras that are fixed to each other, such as a stereo pair: `[{ name = "left" }, { name = "right", position_m = [0.06, 0,
+    /// 0] }]`. Each pose that the kind draws is the pose of the rig, and gives one view per camera, in this order;
+    /// `views_per_scene` counts all of them. All cameras have the options of `[camera]`, and the views of a pose share their lights.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 64))]
+    pub rig: Vec<RigCamera>,
 }
 
 /// Conditions on camera poses. They are tested by rays against the bodies of the scene, before the view is rendered. All
@@ -103,6 +110,7 @@ pub enum OnFailure {
 impl ViewOptions {
     /// Refuses options that contradict each other.
     pub(crate) fn validate(&self) -> Result<(), ConfigError> {
+        Rig::of(&self.rig)?;
         let Some(conditions) = &self.conditions else { return Ok(()) };
         match conditions.distance_m {
             Some([low, high]) if low > high => {

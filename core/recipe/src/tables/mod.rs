@@ -11,6 +11,7 @@ pub(crate) mod placers;
 pub(crate) mod pool;
 pub(crate) mod references;
 pub(crate) mod refusals;
+pub(crate) mod rig;
 pub(crate) mod sections;
 pub(crate) mod slot_tables;
 pub(crate) mod split;

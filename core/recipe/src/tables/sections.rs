@@ -12,6 +12,7 @@ use crate::text::suggest::{did_you_mean, listing, synonym};
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use syntable_model::registry::{Registry, Shape, Slot, Stage};
+use syntable_model::stage::ViewSampler;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
@@ -168,7 +169,21 @@ pub(crate) fn views_per_scene(
         Some(Stage::Views(views)) => Some(views),
         _ => None,
     });
-    match (dataset.views_per_scene, views.map(|views| views.count())) {
+    let cameras = built.views.rig.len().max(1) as u32;
+    let count = |views: &dyn ViewSampler| views.count().map(|poses| poses.saturating_mul(cameras));
+    match (dataset.views_per_scene, views.map(|views| count(&**views))) {
+        (Some(wanted), _) if !wanted.is_multiple_of(cameras) => {
+            let span = spans.views.clone().unwrap_or(spans.header.clone());
+            let (below, above) = (wanted / cameras * cameras, (wanted / cameras + 1) * cameras);
+            let help = if below == 0 { format!("write {above}") } else { format!("write {below} or {above}") };
+            let message = format!("`views_per_scene` is {wanted}, but each pose of the rig gives {cameras} views");
+            diagnostics.push(
+                DiagnosticBuilder::error(Code::InvalidValue, span, message)
+                    .label(format!("not a multiple of {cameras}"))
+                    .help(help),
+            );
+            None
+        }
         (Some(wanted), Some(Some(listed))) if wanted > listed => {
             let span = spans.views.clone().unwrap_or(spans.header.clone());
             diagnostics.push(

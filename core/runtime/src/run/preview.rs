@@ -374,6 +374,7 @@ mod tests {
             camera,
             exposure: Exposure::Fixed { ev100: 8.0 },
             lights: Vec::new(),
+            rig: None,
         };
         let small = smaller(view.clone(), 160).camera.intrinsics;
         assert_eq!((small.width, small.height), (160, 120));

@@ -211,7 +211,14 @@ fn write_scene(root: impl Into<StoreFolder>, writer: &dyn Writer<Scenes>, id: u3
     let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
     for (number, products) in (0..).zip(views) {
         let exposure = Exposure::Fixed { ev100: 1.0 };
-        let view = View { id: ViewId(number), moment: Moment::START, camera: camera(), exposure, lights: Vec::new() };
+        let view = View {
+            id: ViewId(number),
+            moment: Moment::START,
+            camera: camera(),
+            exposure,
+            lights: Vec::new(),
+            rig: None,
+        };
         open.view(&cx.view(&view), &products.only(&reads))?;
     }
     // All views of a scene share its objects; here each view has its own.

@@ -70,6 +70,9 @@ fn fields(product: &str) -> Option<&'static [RecordField]> {
         (DistortionRecord::NAMES[1], || ColumnType::list(ColumnType::Float)),
         (DistortionRecord::NAMES[2], || ColumnType::list(ColumnType::Float)),
         (DistortionRecord::NAMES[3], || ColumnType::list(ColumnType::Float)),
+        ("rig_camera", || ColumnType::Text),
+        ("rig_pose", || ColumnType::Int),
+        ("rig_from_camera", matrix),
     ];
     let all = [(OBJECT_INFO.name(), OF_OBJECT), (VISIBILITY.name(), OF_VISIBILITY), (CAMERA.name(), OF_CAMERA)];
     all.into_iter().find(|(name, _)| *name == product).map(|(_, fields)| fields)

@@ -4,10 +4,11 @@ use crate::matrix::pose;
 use syntable_model::prelude::*;
 use syntable_model::product::DistortionRecord;
 use syntable_model::product::standard::CAMERA;
-use syntable_model::scene;
+use syntable_model::scene::View;
 
 /// Intrinsics and pose of the view: `K` (3 × 3) for pixel centers at half-integers, image size, `world_from_camera` and
-/// `camera_from_world` (4 × 4, meters), lens distortion and depth of field, if any, and the conventions in words.
+/// `camera_from_world` (4 × 4, meters), lens distortion, depth of field and the place in a rig, if any, and the conventions in
+/// words.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Camera {}
@@ -24,7 +25,7 @@ impl ViewAnnotator for Camera {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        products.put(CAMERA, Value::of(&CameraView::from(&cx.view.camera))?)
+        products.put(CAMERA, Value::of(&CameraView::from(cx.view))?)
     }
 }
 
@@ -49,10 +50,16 @@ struct CameraView {
     aperture_radius_m: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     focus_distance_m: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rig_camera: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rig_pose: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rig_from_camera: Option<[[f64; 4]; 4]>,
 }
 
-impl From<&scene::Camera> for CameraView {
-    fn from(camera: &scene::Camera) -> Self {
+impl From<&View> for CameraView {
+    fn from(View { camera, rig, .. }: &View) -> Self {
         Self {
             width: camera.intrinsics.width,
             height: camera.intrinsics.height,
@@ -66,6 +73,9 @@ impl From<&scene::Camera> for CameraView {
             distortion: DistortionRecord::of(camera.distortion.as_ref()),
             aperture_radius_m: camera.lens.map(|lens| lens.aperture_radius_m),
             focus_distance_m: camera.lens.map(|lens| lens.focus_distance_m),
+            rig_camera: rig.as_ref().map(|rig| rig.camera.clone()),
+            rig_pose: rig.as_ref().map(|rig| rig.pose),
+            rig_from_camera: rig.as_ref().map(|rig| pose(&rig.rig_from_camera)),
         }
     }
 }

@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::context::{Cache, Context, Log, Workers};
 use syntable_model::error::{Error, Result};
+use syntable_model::geometry::Pose;
 use syntable_model::limits::CANVAS_PIXELS;
 use syntable_model::product::standard::COVERAGE;
 use syntable_model::product::{Framing, KeyId, Products};
@@ -94,65 +95,88 @@ impl Attempt<'_> {
         self.compose("settle", |context| self.tools.recipe.settle.settle(builder, context))
     }
 
-    /// Samples camera and lights of a view.
+    /// Samples camera and lights of a view. All cameras of a rig share its pose, its moment and its lights.
     pub fn view(&self, scene: &Arc<Scene>, id: ViewId) -> Result<View> {
         let recipe = self.tools.recipe;
-        let moment = caught("views", || recipe.views.moment(scene, id))?;
+        let pose_id = recipe.rig.pose(id);
+        let moment = caught("views", || recipe.views.moment(scene, pose_id))?;
         let scene = &*scene.at(moment);
-        let of_view = |stage: &str| self.stream(stage).at(u64::from(id.0));
+        let of_pose = |stage: &str| self.stream(stage).at(u64::from(pose_id.0));
         let shell = || caught("views", || recipe.views.shell(scene));
-        let draw = |stream: Stream| {
-            let world_from_camera = self.sample("views", stream, |context| recipe.views.pose(scene, id, context))?;
+        let draw = |stream: Stream| self.sample("views", stream, |context| recipe.views.pose(scene, pose_id, context));
+        let optics = |world_from_camera: Pose| {
             let Optics { intrinsics, distortion, lens, exposure } =
-                self.sample("camera", of_view("camera"), |context| {
+                self.sample("camera", of_pose("camera"), |context| {
                     recipe.camera.optics(scene, &world_from_camera, context)
                 })?;
             Ok((Camera { intrinsics, distortion, lens, world_from_camera }, exposure))
         };
-        let (camera, exposure) = match &recipe.conditions {
-            None => draw(of_view("views"))?,
+        let world_from_rig = match &recipe.conditions {
+            None => draw(of_pose("views"))?,
             Some(conditions) => {
                 let trees = || Ok(RayScene::new(scene, |object| self.tools.assets.tree(object)));
                 let rays = self.tools.times.of("views.conditions", trees)?;
-                let target = caught("views", || Ok(recipe.views.target(scene, id)))?;
+                let target = caught("views", || Ok(recipe.views.target(scene, pose_id)))?;
                 let test = ConditionTest { conditions, scene, rays: &rays, center: shell()?.center, target };
-                self.accepted(&test, id, |number| match number {
-                    0 => draw(of_view("views")),
-                    _ => draw(of_view("views").child("draw").at(u64::from(number))),
-                })?
+                let cameras = |world_from_rig: &Pose| -> Result<Vec<Camera>> {
+                    let poses = recipe.rig.poses().into_iter();
+                    poses.map(|rig_from_camera| Ok(optics(world_from_rig * rig_from_camera)?.0)).collect()
+                };
+                let draw = |number| match number {
+                    0 => draw(of_pose("views")),
+                    _ => draw(of_pose("views").child("draw").at(u64::from(number))),
+                };
+                self.accepted(&test, id, draw, cameras)?
             }
+        };
+        let rig = recipe.rig.view(id);
+        let (reference, exposure) = optics(world_from_rig)?;
+        let (camera, exposure) = match &rig {
+            None => (reference, exposure),
+            Some(rig) => optics(world_from_rig * rig.rig_from_camera)?,
         };
         let shell = shell()?;
         let mut lights = scene.lights.clone();
         for (light, sampler) in &recipe.lights {
             let stage = format!("lights.{light}");
-            let stream = if sampler.once_per_scene() { self.stream(&stage) } else { of_view(&stage) };
-            lights.extend(self.sample(&stage, stream, |context| sampler.lights(scene, &camera, &shell, context))?);
+            let stream = if sampler.once_per_scene() { self.stream(&stage) } else { of_pose(&stage) };
+            lights.extend(self.sample(&stage, stream, |context| sampler.lights(scene, &reference, &shell, context))?);
         }
-        Ok(View { id, moment, camera, exposure, lights })
+        Ok(View { id, moment, camera, exposure, lights, rig })
     }
 
-    /// The first drawn camera of a view that meets the conditions, or else the best one, or an error.
+    /// The first drawn pose whose cameras all meet the conditions, or else the best one, or an error. The draws count with the first
+    /// view of a pose.
     fn accepted(
         &self,
         test: &ConditionTest,
         view: ViewId,
-        draw: impl Fn(u32) -> Result<(Camera, Exposure)>,
-    ) -> Result<(Camera, Exposure)> {
+        draw: impl Fn(u32) -> Result<Pose>,
+        cameras: impl Fn(&Pose) -> Result<Vec<Camera>>,
+    ) -> Result<Pose> {
+        let count = |draws: &PoseDraws| {
+            if self.tools.recipe.rig.is_first(view) {
+                self.draws.lock().add(draws);
+            }
+        };
         let mut draws = PoseDraws::default();
-        let mut best: Option<(Verdict, (Camera, Exposure))> = None;
+        let mut best: Option<(Verdict, Pose)> = None;
         for number in 0..test.conditions.attempts {
             let drawn = draw(number)?;
             // A kind that draws no random numbers gives the same pose again.
-            if number == 1
-                && best.as_ref().is_some_and(|(_, (first, _))| first.world_from_camera == drawn.0.world_from_camera)
-            {
+            if number == 1 && best.as_ref().is_some_and(|(_, first)| *first == drawn) {
                 break;
             }
             draws.drawn += 1;
-            let verdict = self.tools.times.of("views.conditions", || test.verdict(&drawn.0))?;
+            let cameras = cameras(&drawn)?;
+            let verdict = self.tools.times.of("views.conditions", || {
+                cameras
+                    .iter()
+                    .map(|camera| test.verdict(camera))
+                    .try_fold(Verdict::Accepted, |worst, verdict| Ok(worst.min(verdict?)))
+            })?;
             let Verdict::Refused(condition, _) = verdict else {
-                self.draws.lock().add(&draws);
+                count(&draws);
                 return Ok(drawn);
             };
             *draws.refused.entry(condition).or_default() += 1;
@@ -161,10 +185,10 @@ impl Attempt<'_> {
             }
         }
         match best.filter(|_| test.conditions.on_failure == OnFailure::Best) {
-            Some((_, camera)) => {
-                draws.unmet.push(view.0);
-                self.draws.lock().add(&draws);
-                Ok(camera)
+            Some((_, pose)) => {
+                draws.unmet.extend((0..self.tools.recipe.rig.cameras()).map(|camera| view.0 + camera));
+                count(&draws);
+                Ok(pose)
             }
             None => {
                 let poses = if draws.drawn == 1 { "the pose does not meet" } else { "no pose meets" };

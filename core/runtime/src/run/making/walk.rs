@@ -109,7 +109,8 @@ impl<'m> SceneWalk<'m> {
         line: Arc<ViewLine<S>>,
         (mut frames, queue): (Frames, &Queue<'m>),
     ) -> Result<(S, Vec<ViewProducts>)> {
-        let after = |view: &View| views.get(view.id.0 as usize + 1).cloned();
+        // The next view of the same camera.
+        let after = |view: &View| views.get((view.id.0 + self.tools.recipe.rig.cameras()) as usize).cloned();
         let follow = |view: &Arc<View>, products: Products| {
             let sensing: BTreeMap<String, Stream> = core.sensing(self.plan, view.id);
             let (scene, line) = (scene.at(view.moment), Arc::clone(&line));

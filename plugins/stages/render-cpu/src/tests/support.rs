@@ -172,7 +172,7 @@ pub fn view(width: u32, height: u32, focal: f64, eye: [f64; 3], target: [f64; 3]
         Intrinsics { width, height, fx: focal, fy: focal, cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0 };
     let world_from_camera = look_at(Point3::from(eye), Point3::from(target), Vector3::z());
     let camera = Camera::pinhole(intrinsics, world_from_camera);
-    View { id: ViewId(0), moment: Moment::START, camera, exposure: Exposure::Fixed { ev100: 8.0 }, lights }
+    View { id: ViewId(0), moment: Moment::START, camera, exposure: Exposure::Fixed { ev100: 8.0 }, lights, rig: None }
 }
 
 /// Products of most tests.

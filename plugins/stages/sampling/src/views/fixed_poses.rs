@@ -1,8 +1,8 @@
 //! Views with poses from the recipe.
 
 use crate::views::look_at::rolled;
-use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use syntable_model::geometry::look_at;
+use nalgebra::{Point3, Translation3, Vector3};
+use syntable_model::geometry::{look_at, rigid};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Support, ViewId};
 
@@ -84,9 +84,7 @@ impl Config for FixedPoses {
             PoseEntry::LookAt(pose) => {
                 Ok((pose.pose(&format!("poses[{i}].look_at"))?, Some(Point3::from(pose.target_m))))
             }
-            PoseEntry::WorldFromCamera(rows) => {
-                Ok((from_matrix(rows, &format!("poses[{i}].world_from_camera"))?, None))
-            }
+            PoseEntry::WorldFromCamera(rows) => Ok((rigid(rows, &format!("poses[{i}].world_from_camera"))?, None)),
         };
         let poses = self.poses.into_iter().enumerate().map(pose).collect::<Result<_, ConfigError>>()?;
         Ok(Box::new(ListedPoses { poses, relative_to: self.relative_to, support: self.support }))
@@ -108,33 +106,6 @@ impl LookAtPose {
         }
         Ok(rolled(look_at(eye, target, up), self.roll_deg))
     }
-}
-
-fn from_matrix(rows: [[f64; 4]; 4], key: &str) -> Result<Pose, ConfigError> {
-    if rows[3] != [0.0, 0.0, 0.0, 1.0] {
-        let message = format!("the last row of `world_from_camera` is {:?}", rows[3]);
-        return Err(
-            ConfigError::new(format!("{key}[3]"), message).help("write the matrix row by row, ending in [0, 0, 0, 1]")
-        );
-    }
-    let rotation = Matrix3::from_fn(|r, c| rows[r][c]);
-    let error = (rotation * rotation.transpose() - Matrix3::identity()).abs().max();
-    let determinant = rotation.determinant();
-    if error > 1e-4 || determinant < 0.0 {
-        let message = format!(
-            "`world_from_camera` is not a rigid transform: R Rᵀ differs from the identity by {error:.1e}, and the \
-             determinant is {determinant:.3}"
-        );
-        return Err(ConfigError::new(key, message)
-            .help("its upper left 3 × 3 block must be a rotation, without scale or mirroring"));
-    }
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_eps(
-        &rotation,
-        1e-12,
-        100,
-        Rotation3::from_matrix_unchecked(rotation),
-    ));
-    Ok(Pose::from_parts(Translation3::new(rows[0][3], rows[1][3], rows[2][3]), rotation))
 }
 
 struct ListedPoses {
