@@ -20,6 +20,7 @@
 
 mod load;
 mod merge;
+mod one_of;
 mod parts;
 pub mod plan;
 mod recipe;
@@ -32,6 +33,7 @@ mod writer_paths;
 
 pub use load::{Checked, checked, load};
 pub use merge::overrides::Overrides;
+pub use one_of::{Chosen, OneOf};
 pub use parts::Parts;
 pub use recipe::Recipe;
 pub use request::RecipeRequest;

@@ -4,6 +4,7 @@ use crate::merge::graph::{self, Damage};
 use crate::merge::overrides::Overrides;
 use crate::merge::renamed::{RENAMED, RenamedNames};
 use crate::merge::variables::{self, PathRules};
+use crate::one_of::OneOf;
 use crate::plan::of_tables::{part, plan};
 use crate::plan::{Implied, Plan};
 use crate::recipe::Recipe;
@@ -25,8 +26,8 @@ use crate::writer_paths::{bad_paths, unready};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
-use syntable_model::registry::{Registry, Stage};
-use syntable_model::stage::{AssetSource, DatasetInfo, Scenes, Writer};
+use syntable_model::registry::{Registry, Slot, Stage};
+use syntable_model::stage::{AssetSource, DatasetInfo, Placer, Scenes, Writer};
 
 /// Loads a recipe. Returns it with its warnings.
 ///
@@ -249,32 +250,48 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     let (choices, undecided, conditions) = (built.choices, built.undecided, built.views.conditions);
     let lock = Lock::from(lock);
     for mut stage in built.stages {
+        let plugin = |stage: &BuiltStage| (stage.entry.crate_name, stage.entry.crate_version);
+        let plugins = stage.all().map(plugin).collect();
+        let kind = stage.alternatives.is_empty().then_some(stage.entry.kind);
+        match stage.slot {
+            Slot::Place => {
+                let placers = alternatives(&mut stage, |stage| match stage {
+                    Stage::Place(placer) => Some(placer),
+                    _ => None,
+                })?;
+                if placers.all().any(Placer::places_objects) {
+                    labeled_pools.append(&mut stage.object_pools);
+                }
+                place.push((stage.id.clone(), placers));
+            }
+            Slot::Settle => {
+                settle = alternatives(&mut stage, |stage| match stage {
+                    Stage::Settle(settler) => Some(settler),
+                    _ => None,
+                });
+            }
+            Slot::Lights => {
+                let samplers = alternatives(&mut stage, |stage| match stage {
+                    Stage::Lights(sampler) => Some(sampler),
+                    _ => None,
+                })?;
+                lights.push((stage.id.clone(), samplers));
+            }
+            _ => {}
+        }
         match stage.stage.take() {
             Some(Stage::Assets(source)) => {
                 assets.insert(stage.id.clone(), pool(&stage, source, &mut pools)?);
             }
-            Some(Stage::Place(placer)) => {
-                if placer.places_objects() {
-                    labeled_pools.append(&mut stage.object_pools);
-                }
-                place.push((stage.id.clone(), placer));
-            }
-            Some(Stage::Settle(settler)) => settle = Some(settler),
             Some(Stage::Camera(model)) => camera = Some(model),
             Some(Stage::Views(sampler)) => views = Some(sampler),
-            Some(Stage::Lights(sampler)) => lights.push((stage.id.clone(), sampler)),
+            Some(Stage::Lights(sampler)) => lights.push((stage.id.clone(), OneOf::only(sampler))),
             Some(Stage::Render(renderer)) => render = Some(renderer),
             Some(Stage::WriteScenes(writer)) => write.push((stage.id.clone(), writer)),
             // Producers are in the plan.
             _ => {}
         }
-        stages.push(ResolvedStage {
-            slot: stage.slot,
-            id: stage.id,
-            kind: stage.entry.kind,
-            options: stage.options,
-            plugin: (stage.entry.crate_name, stage.entry.crate_version),
-        });
+        stages.push(ResolvedStage { slot: stage.slot, id: stage.id, kind, options: stage.options, plugins });
     }
     write.sort_by(|(a, _), (b, _)| a.cmp(b));
     Some(Recipe {
@@ -310,13 +327,23 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     })
 }
 
+/// A stage with its alternatives, if it has any.
+fn alternatives<T: ?Sized>(stage: &mut BuiltStage, of: fn(Stage) -> Option<Box<T>>) -> Option<OneOf<T>> {
+    if stage.alternatives.is_empty() {
+        return of(stage.stage.take()?).map(OneOf::only);
+    }
+    let all = std::mem::take(&mut stage.alternatives).into_iter();
+    let all = all.map(|(weight, mut stage)| Some((weight, of(stage.stage.take()?)?))).collect::<Option<_>>()?;
+    Some(OneOf::weighted(all))
+}
+
 /// A stage that runs although the recipe does not have it.
 fn implied((stage, Implied { entry, options, .. }): &(String, Implied)) -> ResolvedStage {
     ResolvedStage {
         slot: entry.slot,
         id: stage.split_once('.').map_or(entry.kind, |(_, id)| id).to_owned(),
-        kind: entry.kind,
+        kind: Some(entry.kind),
         options: options.clone(),
-        plugin: (entry.crate_name, entry.crate_version),
+        plugins: vec![(entry.crate_name, entry.crate_version)],
     }
 }

@@ -1,5 +1,6 @@
 //! A loaded recipe, and facts about its run that are known beforehand.
 
+use crate::one_of::OneOf;
 use crate::plan::{Plan, memory};
 use crate::resolved::without_lock;
 use crate::tables::conditions::ViewConditions;
@@ -28,9 +29,9 @@ pub struct Recipe {
     /// The pools, by id.
     pub assets: BTreeMap<String, Pool>,
     /// The placers with their ids, in the order in which they run.
-    pub place: Vec<(String, Box<dyn Placer>)>,
+    pub place: Vec<(String, OneOf<dyn Placer>)>,
     /// The settler.
-    pub settle: Box<dyn Settler>,
+    pub settle: OneOf<dyn Settler>,
     /// The camera.
     pub camera: Box<dyn CameraModel>,
     /// The view sampler.
@@ -40,7 +41,7 @@ pub struct Recipe {
     /// The cameras of each pose of the view sampler.
     pub rig: Rig,
     /// The light samplers with their ids, in the recipe's order.
-    pub lights: Vec<(String, Box<dyn LightSampler>)>,
+    pub lights: Vec<(String, OneOf<dyn LightSampler>)>,
     /// The renderer.
     pub render: Box<dyn Renderer>,
     /// The writers, by id.
@@ -107,7 +108,10 @@ impl Recipe {
 
     /// The labeled objects that placers have themselves instead of drawing them from a pool, each with its step's id.
     pub fn own_objects(&self) -> Vec<(&str, CatalogEntry)> {
-        let steps = self.place.iter().map(|(id, placer)| (id.as_str(), placer.own_objects()));
+        let steps = self
+            .place
+            .iter()
+            .flat_map(|(id, placers)| placers.all().map(move |placer| (id.as_str(), placer.own_objects())));
         steps.flat_map(|(id, own)| own.into_iter().map(move |entry| (id, entry))).collect()
     }
 

@@ -9,10 +9,11 @@ use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, Value};
 pub(crate) struct ResolvedStage {
     pub slot: Slot,
     pub id: String,
-    pub kind: &'static str,
+    /// None for a stage with alternatives, whose kinds are in the options.
+    pub kind: Option<&'static str>,
     pub options: toml::Table,
-    /// Name and version of the crate that registered the kind.
-    pub plugin: (&'static str, &'static str),
+    /// Names and versions of the crates that registered its kinds.
+    pub plugins: Vec<(&'static str, &'static str)>,
 }
 
 /// Writes a resolved recipe: slot by slot, keyed stages by id.
@@ -35,7 +36,9 @@ pub(crate) fn write(dataset: &toml::Table, stages: &[ResolvedStage], inputs: &Lo
         if stage.slot.shape() == Shape::List {
             options.insert("id", stage.id.as_str().into());
         }
-        options.insert("kind", stage.kind.into());
+        if let Some(kind) = stage.kind {
+            options.insert("kind", kind.into());
+        }
         fill(&mut options, &stage.options);
         match stage.slot.shape() {
             Shape::One => {
@@ -50,7 +53,7 @@ pub(crate) fn write(dataset: &toml::Table, stages: &[ResolvedStage], inputs: &Lo
             }
         }
     }
-    let plugins: BTreeMap<&str, &str> = stages.iter().map(|stage| stage.plugin).collect();
+    let plugins: BTreeMap<&str, &str> = stages.iter().flat_map(|stage| stage.plugins.iter().copied()).collect();
     let mut lock = Table::new();
     lock.insert("syntable", version.into());
     lock.insert("plugins", Item::Table(strings(plugins)));

@@ -601,3 +601,45 @@ fn paths_of_pools_count_from_who_names_them() {
         );
     }
 }
+
+#[test]
+fn alternatives_are_completed_and_written_back() {
+    let text = GOOD.replace(
+        "[[place]]\nkind = \"room\"\nmaterial = { floor = \"materials\" }\n",
+        "[[place]]\none_of = [{ kind = \"room\", material = { floor = \"materials\" } }, { kind = \"room\", weight = 3 }]\n",
+    );
+    let recipe = good(&text);
+    let ids: Vec<&str> = recipe.place.iter().map(|(id, _)| id.as_str()).collect();
+    assert_eq!(ids, ["one_of", "drop_box", "drop_box_2"]);
+    assert_eq!(recipe.place[0].1.all().count(), 2);
+    assert_eq!(recipe.draws[0].option, "place.one_of.one_of[0].material.floor");
+    let resolved: toml::Table = recipe.resolved.parse().expect("TOML");
+    let alternatives = resolved["place"][0]["one_of"].as_array().expect("alternatives");
+    let weights: Vec<f64> = alternatives.iter().filter_map(|it| it["weight"].as_float()).collect();
+    assert_eq!(weights, [1.0, 3.0]);
+    assert!(alternatives.iter().all(|it| it["kind"].as_str() == Some("room") && it.get("size_m").is_some()));
+    assert!(resolved["place"][0].get("kind").is_none() && resolved["place"][0]["id"].as_str() == Some("one_of"));
+    assert_eq!(good(&recipe.resolved).resolved, recipe.resolved);
+}
+
+#[test]
+fn a_part_that_some_alternatives_set_is_not_there_in_every_scene() {
+    let floors = "[[place]]\none_of = [{ kind = \"room\" }, { kind = \"drop_box\", from = [\"objects\"] }]\n";
+    let twice = GOOD.replace("[[place]]\nkind = \"drop_box\"\nfrom = [\"objects\"]\ncount = 3\n", floors);
+    let found = messages(&twice, &[]);
+    assert!(found.iter().any(|message| message.contains("both set the floor")), "{found:?}");
+}
+
+#[test]
+fn every_kind_of_views_has_conditions() {
+    let given =
+        "[views]\nkind = \"listed\"\neyes_m = [[1, 0, 1]]\nconditions = { min_objects = \"all\", uncut = true }\n";
+    let recipe = good(&format!("{}{given}", GOOD.replace("views_per_scene = 3\n", "")));
+    let conditions = recipe.conditions.as_ref().expect("given");
+    assert!(conditions.uncut && conditions.outside_bodies && conditions.attempts == 100);
+    assert!(recipe.resolved.contains("min_objects = \"all\"") && recipe.resolved.contains("on_failure = \"error\""));
+    assert_eq!(good(&recipe.resolved).resolved, recipe.resolved);
+    assert!(good(GOOD).conditions.is_none() && !good(GOOD).resolved.contains("conditions"));
+    let empty = messages(GOOD, &[("views.conditions.distance_m", "[2, 1]")]);
+    assert!(empty.len() == 1 && empty[0].contains("`distance_m = [2, 1]` is empty"), "{empty:?}");
+}

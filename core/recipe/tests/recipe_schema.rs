@@ -264,3 +264,32 @@ fn tombi_agrees() {
         agrees(|path, _| run(Command::new(&tombi).args(["lint", "--offline"]).arg(path)));
     }
 }
+
+/// Both judge the tables of alternatives alike.
+#[test]
+fn alternatives_are_judged_like_tables() {
+    let schema = compile(&syntable_recipe::editor_schema(&registry()));
+    for (tables, expected) in [
+        ("[[place]]\none_of = [{ kind = \"drop_box\", weight = 2.5 }, { kind = \"drop_box\", count = 3 }]", true),
+        ("[[lights]]\nid = \"main\"\none_of = [{ kind = \"sphere_lights\", count = 1 }]", true),
+        ("[settle]\none_of = [{ duration_s = 3.0 }, { kind = \"rapier\", weight = 0 }]", true),
+        ("[[place]]\none_of = [{ kind = \"drop_box\", heaviness = 2 }]", false),
+        ("[[place]]\none_of = [{ kind = \"drop_box\", weight = -1 }]", false),
+        ("[[place]]\none_of = [{ kind = \"drop_box\", id = \"a\" }]", false),
+        ("[[place]]\none_of = [{ kind = \"drop_boxes\" }]", false),
+        ("[[place]]\none_of = [{ count = 3 }]", false),
+        ("[[place]]\none_of = []", false),
+        ("[[place]]\none_of = [3]", false),
+        ("[[place]]\nkind = \"drop_box\"\none_of = [{ kind = \"drop_box\" }]", false),
+        ("[camera]\none_of = [{ kind = \"pinhole\" }]", false),
+    ] {
+        let text = format!("{BASE}\n{tables}\n");
+        let recipe: Table = toml::from_str(&text).expect("valid");
+        let by_schema = schema.is_valid(&serde_json::to_value(&recipe).expect("JSON"));
+        let by_program = load(Source::embedded("test.toml", text), &[]);
+        if let (true, Err(report)) = (expected, &by_program) {
+            panic!("{report}");
+        }
+        assert_eq!((by_schema, by_program.is_ok()), (expected, expected), "(schema, program) on\n{tables}");
+    }
+}

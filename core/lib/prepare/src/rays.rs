@@ -9,7 +9,7 @@ use syntable_model::scene::{Mesh, Object, Scene};
 /// Relative margin around boxes, so that rounding loses no flat triangle.
 const BOX_MARGIN: f64 = 1e-6;
 
-/// Directions from which a point is tested to be inside a mesh. None is parallel to an axis or a diagonal, along which
+/// Directions in which a point is tested to be inside a mesh. They are not parallel to axes or diagonals, along which
 /// meshes have their edges. Most must agree, because a mesh can have holes.
 const DIRECTIONS: [[f64; 3]; 5] = [
     [0.531, 0.271, 0.803],

@@ -35,7 +35,7 @@ pub enum Role {
     Support,
     /// Floor, wall or ceiling.
     Room,
-    /// Carries no objects and is no part of the room: a robot arm, a lamp, a rack.
+    /// Carries no objects and is no part of the room: a robot arm, a rack.
     Fixture,
 }
 

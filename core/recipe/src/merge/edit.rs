@@ -139,7 +139,10 @@ pub(crate) fn read_path(path: &str, at: usize) -> Result<Vec<(Step, Span)>, Diag
     }
 }
 
-/// The ids of the stages of a list: `id` where given, else the kind, with `_2`, `_3` … appended on repeats.
+/// Key of the alternatives of a stage.
+pub(crate) const ONE_OF: &str = "one_of";
+
+/// The ids of the stages of a list: `id` where given, else the kind or `one_of`, with `_2`, `_3` … appended on repeats.
 pub(crate) fn list_ids(items: &DeArray) -> Vec<String> {
     let text = |item: &RecipeValue, key: &str| {
         let value = item.get_ref().as_table().and_then(|table| table.get(key));
@@ -150,7 +153,9 @@ pub(crate) fn list_ids(items: &DeArray) -> Vec<String> {
         .iter()
         .map(|item| {
             text(item, "id").unwrap_or_else(|| {
-                let kind = text(item, "kind").unwrap_or_default();
+                let has = |key: &str| item.get_ref().as_table().is_some_and(|table| table.contains_key(key));
+                let one_of = || has(ONE_OF).then(|| ONE_OF.to_owned());
+                let kind = text(item, "kind").or_else(one_of).unwrap_or_default();
                 let mut numbered = std::iter::once(kind.clone()).chain((2..).map(|n: u64| format!("{kind}_{n}")));
                 let id = numbered.find(|id| !taken.contains(id)).expect("there are more numbers than stages");
                 taken.insert(id.clone());

@@ -12,8 +12,10 @@
 //!
 //! [`editor_schema`](crate::editor_schema) brings this schema into the form that editors read.
 
+use crate::merge::edit::ONE_OF;
 use crate::tables::conditions::ViewOptions;
 use crate::tables::dataset::{DatasetTable, LockTable};
+use crate::tables::one_of::{MAX_WEIGHT, has_alternatives};
 use crate::tables::pool::PoolOptions;
 use schemars::JsonSchema;
 use serde_json::{Map, Value as Json, json};
@@ -158,6 +160,9 @@ pub fn schema(registry: &Registry) -> Json {
     }
     for slot in Slot::ALL {
         definitions.insert(slot.name().into(), stage_schema(registry, &schemas, slot));
+        if has_alternatives(slot) {
+            add_alternatives(registry, &schemas, slot, &mut definitions);
+        }
     }
     let mut properties = Map::new();
     properties
@@ -270,12 +275,69 @@ fn stage_schema(registry: &Registry, schemas: &Schemas, slot: Slot) -> Json {
         "then": open(json!({ "properties": { "kind": word } })),
         "else": inherited(registry, schemas, slot)
     });
+    let mut judge = by_kind(registry.of_slot(slot).map(|entry| (entry.kind, kind_reference(entry))).collect(), unknown);
+    if has_alternatives(slot) {
+        let of = json!({ "$ref": format!("#/definitions/{slot}.{ONE_OF}") });
+        any_of.insert(any_of.len() - 1, of.clone());
+        judge = json!({ "if": open(json!({ "required": [ONE_OF] })), "then": of, "else": open(judge) });
+    }
     let mut stage = json!({ "description": slot.doc(), "anyOf": any_of });
-    let judge = by_kind(registry.of_slot(slot).map(|entry| (entry.kind, kind_reference(entry))).collect(), unknown);
     if let (Some(stage), Json::Object(open)) = (stage.as_object_mut(), open(judge)) {
         stage.extend(open);
     }
     stage
+}
+
+/// Adds the definitions of a stage with alternatives, and of the alternatives of each kind.
+fn add_alternatives(registry: &Registry, schemas: &Schemas, slot: Slot, definitions: &mut Map<String, Json>) {
+    let name = |entry: &Entry| format!("{slot}.{ONE_OF}.{}", entry.kind);
+    let reference = |entry: &Entry| json!({ "$ref": format!("#/definitions/{}", name(entry)) });
+    for entry in registry.of_slot(slot) {
+        let Some(kind) = schemas.kind(slot, entry.kind) else { continue };
+        let mut alternative = definition(entry, &kind.options);
+        if let Some(properties) = object_at(&mut alternative, "properties") {
+            properties.shift_remove("id");
+            properties.insert(
+                "weight".into(),
+                json!({
+                    "description": "Weight of the alternative: it is drawn in proportion to it.",
+                    "type": "number", "minimum": 0, "maximum": MAX_WEIGHT, "default": 1
+                }),
+            );
+        }
+        if let (Some(object), Some(required)) = (alternative.as_object_mut(), kind.options.get("required")) {
+            object.insert("required".into(), required.clone());
+        }
+        definitions.insert(name(entry), alternative);
+    }
+    let kinds: Vec<&str> = registry.of_slot(slot).map(|entry| entry.kind).collect();
+    let word = json!({ "description": "The kind of stage.", "type": "string", "enum": kinds });
+    let mut needs_kind = open(json!({ "properties": { "kind": word } }));
+    if let Some(object) = needs_kind.as_object_mut().filter(|_| !slot.has_default_kind()) {
+        object.insert("required".into(), json!(["kind"]));
+    }
+    let mut any_of: Vec<Json> = registry.of_slot(slot).map(reference).collect();
+    any_of.push(open(json!({})));
+    let mut item = json!({ "description": slot.doc(), "anyOf": any_of });
+    let judge = by_kind(registry.of_slot(slot).map(|entry| (entry.kind, reference(entry))).collect(), needs_kind);
+    if let (Some(item), Json::Object(open)) = (item.as_object_mut(), open(judge)) {
+        item.extend(open);
+    }
+    let mut properties = Map::new();
+    if slot.shape() == Shape::List {
+        properties.insert("id".into(), id_schema());
+    }
+    properties.insert(
+        ONE_OF.into(),
+        json!({
+            "description": "Alternatives: a scene takes one of them, or a view if they are lights of views.",
+            "type": "array", "minItems": 1, "items": item
+        }),
+    );
+    definitions.insert(
+        format!("{slot}.{ONE_OF}"),
+        json!({ "type": "object", "properties": properties, "required": [ONE_OF], "additionalProperties": false }),
+    );
 }
 
 /// A requirement for a table that may have any other options.
@@ -381,7 +443,13 @@ fn whole(registry: &Registry, schemas: &Schemas) -> Json {
             .of_slot(slot)
             .filter_map(|entry| Some((entry.kind, open(json!({ "required": required(entry)? })))));
         let demands: Vec<(&str, Json)> = demands.collect();
-        let needs_kind = if slot.has_default_kind() { json!({}) } else { json!({ "required": ["kind"] }) };
+        let needs_kind = match (slot.has_default_kind(), has_alternatives(slot)) {
+            (true, _) => json!({}),
+            (false, true) => json!({
+                "anyOf": [open(json!({ "required": ["kind"] })), open(json!({ "required": [ONE_OF] }))]
+            }),
+            (false, false) => json!({ "required": ["kind"] }),
+        };
         let mut stage = open(needs_kind);
         if let (Some(stage), false, Json::Object(chain)) =
             (stage.as_object_mut(), demands.is_empty(), by_kind(demands, open(json!({}))))

@@ -2,7 +2,9 @@
 //!
 //! Tests run [`lints`] over a registry, the program's own as well as a plugin's.
 
+use crate::merge::edit::ONE_OF;
 use crate::schema::kinds::Schemas;
+use crate::tables::one_of::has_alternatives;
 use serde_json::Value as Json;
 use syntable_model::registry::{ConstructError, Entry, Registry, Shape};
 use syntable_toml_schema::{DisplayPath, Outcome, plain_members};
@@ -70,7 +72,13 @@ fn of_entry(entry: &Entry, schemas: &Schemas) -> Vec<String> {
         if schemas.is_shared_option(entry.slot, name) {
             continue;
         }
-        if name == "kind" || (name == "id" && entry.slot.shape() == Shape::List) {
+        let is_key = match name.as_str() {
+            "kind" => true,
+            "id" => entry.slot.shape() == Shape::List,
+            ONE_OF => has_alternatives(entry.slot),
+            _ => false,
+        };
+        if is_key {
             fault(format!("`{name}` is a key of the recipe itself; call the option otherwise"));
         }
         walk.option(name, name, option, false);

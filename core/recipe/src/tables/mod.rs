@@ -7,6 +7,7 @@ pub(crate) mod dataset;
 pub(crate) mod ids;
 pub(crate) mod loader;
 pub(crate) mod numbering;
+pub(crate) mod one_of;
 pub(crate) mod placers;
 pub(crate) mod pool;
 pub(crate) mod references;

@@ -11,24 +11,20 @@ use syntable_model::stage::{Part, PartUse, Placer};
 /// A step of `[[place]]`.
 struct Step<'s, 'l> {
     stage: &'s BuiltStage<'l>,
-    /// How it uses the parts of the scene; none if it does not declare them.
-    parts: Option<Vec<PartUse>>,
+    /// Whether it declares how it uses the parts of the scene.
+    is_declared: bool,
+    /// The parts that it sets in every scene.
+    sets: Vec<Part>,
+    /// The parts that only some of its alternatives set.
+    may_set: Vec<Part>,
+    needs: Vec<Part>,
     places_objects: bool,
 }
 
 impl Step<'_, '_> {
-    fn sets(&self) -> impl Iterator<Item = &Part> {
-        self.parts.iter().flatten().filter_map(|part| match part {
-            PartUse::Sets(part) => Some(part),
-            PartUse::Needs(_) => None,
-        })
-    }
-
-    fn needs(&self) -> impl Iterator<Item = &Part> {
-        self.parts.iter().flatten().filter_map(|part| match part {
-            PartUse::Needs(part) => Some(part),
-            PartUse::Sets(_) => None,
-        })
+    /// The parts that it sets, in every scene or in some.
+    fn sets_at_all(&self) -> impl Iterator<Item = &Part> {
+        self.sets.iter().chain(&self.may_set)
     }
 }
 
@@ -62,9 +58,47 @@ pub(crate) fn check(built: &Built) -> Vec<DiagnosticBuilder> {
 
 impl<'s, 'l> Step<'s, 'l> {
     fn of(stage: &'s BuiltStage<'l>) -> Option<Self> {
-        let Some(Stage::Place(placer)) = &stage.stage else { return None };
-        let placer: &dyn Placer = &**placer;
-        Some(Self { stage, parts: placer.parts(), places_objects: placer.places_objects() })
+        let placer = |stage: &'s BuiltStage<'l>| match &stage.stage {
+            Some(Stage::Place(placer)) => Some(&**placer),
+            _ => None,
+        };
+        let placers: Vec<&dyn Placer> = stage.all().filter_map(placer).collect();
+        if placers.is_empty() {
+            return None;
+        }
+        let declared: Vec<Option<Vec<PartUse>>> = placers.iter().map(|placer| placer.parts()).collect();
+        let set_by = |uses: &Option<Vec<PartUse>>| -> Vec<Part> {
+            let part = |part: &PartUse| match part {
+                PartUse::Sets(part) => Some(part.clone()),
+                PartUse::Needs(_) => None,
+            };
+            uses.iter().flatten().filter_map(part).collect()
+        };
+        let mut all: Vec<Part> = Vec::new();
+        declared.iter().flat_map(set_by).for_each(|part| {
+            if !all.contains(&part) {
+                all.push(part);
+            }
+        });
+        let (mut sets, may_set): (Vec<Part>, Vec<Part>) =
+            all.into_iter().partition(|part| declared.iter().all(|uses| set_by(uses).contains(part)));
+        let is_support = |part: &Part| matches!(part, Part::Support(_));
+        if !sets.iter().any(is_support) && declared.iter().all(|uses| set_by(uses).iter().any(is_support)) {
+            // Each alternative sets a support, of a name of its own.
+            sets.push(Part::MainSupport);
+        }
+        let need = |part: &PartUse| match part {
+            PartUse::Needs(part) => Some(part.clone()),
+            PartUse::Sets(_) => None,
+        };
+        Some(Self {
+            stage,
+            is_declared: declared.iter().all(Option::is_some),
+            sets,
+            may_set,
+            needs: declared.iter().flatten().flatten().filter_map(need).collect(),
+            places_objects: placers.iter().any(|placer| placer.places_objects()),
+        })
     }
 }
 
@@ -72,8 +106,8 @@ impl<'s, 'l> Step<'s, 'l> {
 fn duplicates(steps: &[Step]) -> Vec<DiagnosticBuilder> {
     let mut diagnostics = Vec::new();
     for (index, second) in steps.iter().enumerate() {
-        for part in second.sets() {
-            let Some(first) = steps[..index].iter().find(|first| first.sets().any(|other| other == part)) else {
+        for part in second.sets_at_all().filter(|part| **part != Part::MainSupport) {
+            let Some(first) = steps[..index].iter().find(|first| first.sets_at_all().any(|other| other == part)) else {
                 continue;
             };
             let name = described(part);
@@ -97,21 +131,35 @@ fn duplicates(steps: &[Step]) -> Vec<DiagnosticBuilder> {
 /// For each part, the first step that needs it before a step sets it.
 fn unmet_needs(steps: &[Step]) -> Vec<DiagnosticBuilder> {
     // A step that does not declare its parts may set the part.
-    let stated = steps.iter().position(|step| step.parts.is_none()).map_or(steps, |index| &steps[..index]);
+    let stated = steps.iter().position(|step| !step.is_declared).map_or(steps, |index| &steps[..index]);
     let mut reported: Vec<&Part> = Vec::new();
     let mut diagnostics = Vec::new();
     for (index, step) in stated.iter().enumerate() {
-        for part in step.needs() {
-            let is_set = |by: &[Step]| by.iter().any(|step| step.sets().any(|set| meets(set, part)));
+        for part in &step.needs {
+            let is_set = |by: &[Step]| by.iter().any(|step| step.sets.iter().any(|set| meets(set, part)));
             if is_set(&stated[..index]) || reported.contains(&part) {
                 continue;
             }
             reported.push(part);
-            let later = steps[index..].iter().find(|step| step.sets().any(|set| meets(set, part)));
+            let later = steps[index..].iter().find(|step| step.sets_at_all().any(|set| meets(set, part)));
+            let partly = stated[..index].iter().find(|step| step.may_set.iter().any(|set| meets(set, part)));
+            if let Some(partly) = partly {
+                diagnostics.push(only_sometimes(step, part, partly));
+                continue;
+            }
             diagnostics.push(unmet(step, part, later.map(|step| step.stage), steps));
         }
     }
     diagnostics
+}
+
+/// The diagnostic for a part that only some alternatives of an earlier step set.
+fn only_sometimes(step: &Step, part: &Part, partly: &Step) -> DiagnosticBuilder {
+    let (id, name, other) = (&step.stage.id, described(part), &partly.stage.id);
+    let message = format!("step `{id}` of [[place]] needs the {name}, which only some alternatives of `{other}` set");
+    DiagnosticBuilder::error(Code::Placers, step.stage.header.clone(), message)
+        .also(partly.stage.header.clone(), "sets it in some scenes")
+        .help("let all alternatives set it: give their supports the same name")
 }
 
 fn unmet(step: &Step, part: &Part, later: Option<&BuiltStage>, steps: &[Step]) -> DiagnosticBuilder {
@@ -145,7 +193,7 @@ fn unmet(step: &Step, part: &Part, later: Option<&BuiltStage>, steps: &[Step]) -
 
 /// Names of supports in other slots than `[[place]]` that no step sets.
 fn unknown_supports(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilder> {
-    if steps.iter().any(|step| step.parts.is_none()) {
+    if steps.iter().any(|step| !step.is_declared) {
         return Vec::new();
     }
     let names = supports(steps);
@@ -168,7 +216,7 @@ fn unknown_supports(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuil
 /// Names of all supports that steps set.
 fn supports<'s>(steps: &'s [Step]) -> Vec<&'s str> {
     let of_step = |step: &'s Step| {
-        step.sets().filter_map(|part| match part {
+        step.sets_at_all().filter_map(|part| match part {
             Part::Support(name) => Some(name.as_str()),
             _ => None,
         })

@@ -29,6 +29,8 @@ pub(crate) struct StageTable<'a> {
     pub id_span: Option<Span>,
     pub header: Span,
     pub table: DeTable<'a>,
+    /// Whether it is one of the alternatives of a stage. Its id is a path then.
+    pub is_alternative: bool,
 }
 
 impl StageTable<'_> {
@@ -46,7 +48,7 @@ impl StageTable<'_> {
     pub fn bad_id(&self) -> Option<DiagnosticBuilder> {
         // An id that the recipe does not give is made from the kind, which may be missing.
         let is_kind = self.id_span.is_none() && self.id.is_empty();
-        if self.slot.shape() == Shape::One || is_kind || is_id(&self.id) {
+        if self.slot.shape() == Shape::One || self.is_alternative || is_kind || is_id(&self.id) {
             return None;
         }
         let message = match self.id.is_empty() {
@@ -72,9 +74,14 @@ impl<'r> Loader<'_, 'r> {
         let header = value.span();
         let found = check::type_of(&value);
         match (slot.shape(), value.into_inner()) {
-            (Shape::One, DeValue::Table(table)) => {
-                Some(vec![StageTable { slot, id: slot.name().to_owned(), id_span: None, header, table }])
-            }
+            (Shape::One, DeValue::Table(table)) => Some(vec![StageTable {
+                slot,
+                id: slot.name().to_owned(),
+                id_span: None,
+                header,
+                table,
+                is_alternative: false,
+            }]),
             (Shape::List, DeValue::Array(items)) if items.is_empty() && slot == Slot::Place => {
                 self.missing(slot, diagnostics)
             }
@@ -112,7 +119,8 @@ impl<'r> Loader<'_, 'r> {
                 |span: Span| DiagnosticBuilder::error(Code::WrongType, span, format!("`{slot}.{id}` must be a table"));
             match value.into_inner() {
                 DeValue::Table(table) => {
-                    tables.push(StageTable { slot, id, id_span: Some(id_span), header, table });
+                    let id_span = Some(id_span);
+                    tables.push(StageTable { slot, id, id_span, header, table, is_alternative: false });
                 }
                 DeValue::Array(_) => {
                     let help = format!("write [{slot}.{id}] with single brackets");
@@ -145,7 +153,8 @@ impl<'r> Loader<'_, 'r> {
                 let mut table = DeTable::new();
                 table.insert(Spanned::new(NOWHERE, "kind".into()), Spanned::new(NOWHERE, DeValue::String(kind.into())));
                 let id = if slot.shape() == Shape::One { slot.name() } else { kind };
-                StageTable { slot, id: id.to_owned(), id_span: None, header: NOWHERE, table }
+                let (id, header) = (id.to_owned(), NOWHERE);
+                StageTable { slot, id, id_span: None, header, table, is_alternative: false }
             })
             .collect();
         if !tables.is_empty() || slot.spec().optional {
@@ -269,7 +278,7 @@ fn list_tables<'a>(slot: Slot, items: DeArray<'a>, diagnostics: &mut Vec<Diagnos
                     .help("ids seed the steps' random streams, so each step needs its own"),
             );
         }
-        tables.push(StageTable { slot, id, id_span, header, table });
+        tables.push(StageTable { slot, id, id_span, header, table, is_alternative: false });
     }
     tables
 }

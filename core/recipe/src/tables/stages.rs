@@ -1,10 +1,12 @@
 //! Builds stages from the tables of a recipe.
 
+use crate::merge::edit::ONE_OF;
 use crate::merge::variables;
 use crate::schema::kinds::KindSchema;
 use crate::tables::check;
 use crate::tables::conditions::ViewOptions;
 use crate::tables::loader::Loader;
+use crate::tables::one_of::has_alternatives;
 use crate::tables::pool::PoolOptions;
 use crate::tables::references::{Draw, PoolNames, StageReferences, at_mut};
 use crate::tables::refusals::SharedOptions;
@@ -38,6 +40,16 @@ pub(crate) struct BuiltStage<'r> {
     pub object_pools: BTreeSet<String>,
     /// Whether every path that it names exists.
     pub found: bool,
+    /// Its alternatives with their weights. A stage with alternatives has no stage of its own.
+    pub alternatives: Vec<(f64, BuiltStage<'r>)>,
+}
+
+impl<'r> BuiltStage<'r> {
+    /// The stage or its alternatives.
+    pub fn all(&self) -> impl Iterator<Item = &Self> {
+        let only = self.alternatives.is_empty().then_some(self);
+        only.into_iter().chain(self.alternatives.iter().map(|(_, stage)| stage))
+    }
 }
 
 /// All stages that could be built.
@@ -100,13 +112,18 @@ impl<'r> Loader<'_, 'r> {
     }
 
     /// Builds one stage; false if it could not be built.
-    fn stage(
+    pub(crate) fn stage(
         &self,
         mut given: StageTable,
         built: &mut Built<'r>,
         names: &mut PoolNames,
         diagnostics: &mut Vec<DiagnosticBuilder>,
     ) -> bool {
+        if has_alternatives(given.slot)
+            && let Some(value) = given.table.remove(ONE_OF)
+        {
+            return self.one_of(given, value, built, names, diagnostics);
+        }
         let is_pool = given.slot == Slot::Assets;
         if is_pool {
             names.pools.insert(given.id.clone(), (None, given.id_span.clone().unwrap_or(NOWHERE)));
@@ -164,6 +181,7 @@ impl<'r> Loader<'_, 'r> {
             supports,
             object_pools,
             found,
+            alternatives: Vec::new(),
         });
         true
     }

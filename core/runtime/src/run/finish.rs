@@ -1,11 +1,11 @@
 //! The end of a run: dataset annotators, and the last step of writers.
 
 use crate::pools::BAD;
+use crate::run::dataset::draws::{PoseDraws, in_words};
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
 use crate::run::dataset::loss::Loss;
 use crate::run::dataset::manifest::Written;
-use crate::run::dataset::pose_draws::{PoseDraws, in_words};
 use crate::run::dataset::records::{self, Records};
 use crate::run::decisions::work_list;
 use crate::run::making::losses::DatasetLender;

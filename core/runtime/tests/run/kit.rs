@@ -10,7 +10,9 @@ use syntable_model::check::{Check, LabelFault};
 use syntable_model::left_out::LeftOut;
 use syntable_model::prelude::*;
 use syntable_model::registry::{Choice, Choose, Entry, Registry};
-use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, Moment, Optics, Role, SettleReport, ViewId};
+use syntable_model::scene::{
+    Asset, AssetClass, Camera, Catalog, CatalogEntry, Light, Moment, Optics, Role, SettleReport, SphereLight, ViewId,
+};
 use syntable_model::stage::{
     Accepts, DatasetAnnotator, DeviceClass, Finish, Input, Output, RecordedScene, RenderDevice, RenderRequest,
     RenderSession, Replacement, SceneAnnotator, SceneWriter, ViewProducts,
@@ -65,11 +67,14 @@ macro_rules! kind {
     };
 }
 
-kind!(/** Places two boxes on a table. */ Boxes, Placer, "boxes", sleep_ms: u32);
+kind!(/** Places a box on a table. */ Boxes, Placer, "boxes", sleep_ms: u32);
 kind!(/** Lifts everything by a third of a millimeter. */ Lift, Settler, "rapier", tally: usize);
 kind!(/** A small camera. */ Small, CameraModel, "pinhole");
 kind!(/** One pose, and each second several views. */ Fixed, ViewSampler, "hemisphere_shell",
     bends: bool, views_per_second: u32);
+kind!(/** Looks in a random direction. */ Wander, ViewSampler, "wander");
+kind!(/** Places two boxes on a table. */ Pair, Placer, "pair");
+kind!(/** A light for a view or a scene. */ Bulb, LightSampler, "bulb", nits: u32, once: bool);
 kind!(/** Renders nothing, slowly, on one device. */ Sleeper, Renderer, "sleeper", sleep_ms: u32, tally: usize);
 kind!(/** Renders as `sleeper` does. */ Drowsy, Renderer, "drowsy", tally: usize);
 kind!(/** Doubles the light. */ Doubler, Sensor, "doubler");
@@ -128,6 +133,35 @@ impl ViewSampler for Fixed {
     fn shell(&self, scene: &Scene) -> Result<Shell> {
         assert!(!self.bends, "the shell is bent");
         Ok(Shell { center: scene.support(None)?.center(), radius: [1.0, 2.0] })
+    }
+}
+
+impl ViewSampler for Wander {
+    fn pose(&self, _: &Scene, _: ViewId, context: &Context) -> Result<Pose> {
+        let x = context.stream.clone().uniform(-4.0, 4.0);
+        Ok(scenes::view([0.0, -1.0, 1.0], [x, 0.0, 0.0], [4, 3], 60.0).camera.world_from_camera)
+    }
+    fn shell(&self, scene: &Scene) -> Result<Shell> {
+        Ok(Shell { center: scene.support(None)?.center(), radius: [1.0, 2.0] })
+    }
+}
+
+impl Placer for Pair {
+    fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
+        Boxes::default().place(scene, context)?;
+        let cube = scenes::object("cube", scenes::box_mesh([0.1; 3]), [0.5; 3]);
+        scene.add(scenes::body(cube, [0.5, 0.0, 0.05], Role::Object));
+        Ok(())
+    }
+}
+
+impl LightSampler for Bulb {
+    fn lights(&self, _: &Scene, _: &Camera, _: &Shell, _: &Context) -> Result<Vec<Light>> {
+        let radiance = [f64::from(self.nits); 3];
+        Ok(vec![Light::Sphere(SphereLight { center: [0.0, 0.0, 3.0].into(), radius: 0.1, radiance })])
+    }
+    fn once_per_scene(&self) -> bool {
+        self.once
     }
 }
 
@@ -468,7 +502,7 @@ pub fn registry() -> Registry {
     }
     let entries = entries![
         Boxes, Lift, Small, Fixed, Sleeper, Drowsy, Either, Doubler, Thinker, Clock, Tracker, Careless, Summer, Lines,
-        Names
+        Names, Wander, Pair, Bulb
     ];
     Registry::new(entries).and_then(|registry| registry.with_checks([Arc::new(POSITIVE) as _])).expect("no clash")
 }

@@ -2,6 +2,7 @@
 //! that grow, are compared, repaired and merged.
 
 mod devices;
+mod draws;
 mod generate;
 mod growth;
 #[cfg(unix)]

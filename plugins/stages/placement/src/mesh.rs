@@ -195,7 +195,8 @@ fn origin() -> [Dist; 3] {
 impl Config for Mesh {
     type Stage = dyn Placer;
     const KIND: &'static str = "mesh";
-    const EXAMPLE: &'static str = "path = \"robot_arm.glb\"\nposition_m = [0.6, 0.0, 0.0]\nrotation_deg = [0, 0, 180]";
+    const EXAMPLE: &'static str =
+        "path = \"${ASSETS}/robot_arm.glb\"\nposition_m = [0.6, 0.0, 0.0]\nrotation_deg = [0, 0, 180]";
 
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
         for (key, values, [low, high]) in

@@ -1,8 +1,8 @@
 //! The journal of a dataset: one line per finished scene. A scene without a line does not exist.
 
+use crate::run::dataset::draws::PoseDraws;
 use crate::run::dataset::layout;
 use crate::run::dataset::loss::Loss;
-use crate::run::dataset::pose_draws::PoseDraws;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader, Read};
@@ -31,6 +31,9 @@ pub struct JournalEntry {
     /// Camera poses that were drawn under the conditions of `[views]`.
     #[serde(default, skip_serializing_if = "PoseDraws::is_empty")]
     pub poses: PoseDraws,
+    /// Drawn alternatives of stages with `one_of`, by stage, from 0: one of a scene, or one of each view.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub choices: BTreeMap<String, Vec<u32>>,
     /// Data that stages omitted from the scene's images, by stage.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<Loss>,
@@ -394,8 +397,19 @@ mod tests {
     fn entry(scene: u32) -> JournalEntry {
         let (writers, manifest) = (vec!["png".to_owned()], "00".to_owned());
         let outcome = SceneOutcome::Made { views: 2, objects: 3, writers, recorded: Vec::new(), manifest };
-        let (notices, odd_views, poses, errors, assets) = Default::default();
-        JournalEntry { scene, attempt: 0, outcome, notices, odd_views, poses, left_out: Vec::new(), errors, assets }
+        let (notices, odd_views, poses, choices, errors, assets) = Default::default();
+        JournalEntry {
+            scene,
+            attempt: 0,
+            outcome,
+            notices,
+            odd_views,
+            poses,
+            choices,
+            left_out: Vec::new(),
+            errors,
+            assets,
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 pub(crate) mod adoption;
 mod commit;
+pub mod draws;
 mod ending;
 pub mod folder;
 pub(crate) mod foreign;
@@ -10,7 +11,6 @@ pub mod layout;
 mod locking;
 pub(crate) mod loss;
 pub(crate) mod manifest;
-pub(crate) mod pose_draws;
 mod proposal;
 pub(crate) mod records;
 mod recovery;

@@ -2,7 +2,7 @@
 //! and render scenes with it.
 
 use crate::pools::{AssetStore, RecordingAssets};
-use crate::run::dataset::pose_draws::{PoseDraws, in_words};
+use crate::run::dataset::draws::{PoseDraws, SceneDraws, in_words};
 use crate::run::making::times::Times;
 use crate::run::making::view_conditions::{ConditionTest, Verdict};
 use crate::run::panics::caught;
@@ -20,10 +20,10 @@ use syntable_model::random::Stream;
 use syntable_model::scene::{
     Camera, Exposure, Moment, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId,
 };
-use syntable_model::stage::{Atlas, Bodies, DatasetInfo, RenderRequest, RenderSession, Window};
+use syntable_model::stage::{Atlas, Bodies, DatasetInfo, LightSampler, RenderRequest, RenderSession, Window};
 use syntable_prepare::RayScene;
 use syntable_recipe::plan::{Plan, Producer};
-use syntable_recipe::{OnFailure, Recipe};
+use syntable_recipe::{Chosen, OnFailure, Recipe};
 
 /// Inputs shared by the stages of all scenes.
 #[derive(Clone, Copy)]
@@ -53,8 +53,8 @@ pub struct Attempt<'a> {
     pub scene: SceneId,
     pub number: u32,
     pub assets: RecordingAssets<'a>,
-    /// The camera poses that were drawn under conditions.
-    pub draws: Mutex<PoseDraws>,
+    /// The random decisions that the journal records.
+    pub draws: Mutex<SceneDraws>,
 }
 
 impl Attempt<'_> {
@@ -65,9 +65,11 @@ impl Attempt<'_> {
         Stream::root(*seed).child(name).child(stage).at(u64::from(self.scene.0)).at(u64::from(self.number))
     }
 
-    /// Runs a stage that composes the scene.
-    fn compose<T>(&self, stage: &str, work: impl FnOnce(&Context) -> Result<T>) -> Result<T> {
-        self.sample(stage, self.stream(stage), work)
+    /// Records the alternative that a scene or a view takes.
+    fn note_choice(&self, stage: &str, alternative: Option<u32>) {
+        if let Some(alternative) = alternative {
+            self.draws.lock().choices.entry(stage.to_owned()).or_default().push(alternative);
+        }
     }
 
     /// Runs a stage that draws random numbers and assets.
@@ -84,15 +86,20 @@ impl Attempt<'_> {
     /// Places the bodies.
     pub fn place(&self) -> Result<SceneBuilder> {
         let mut builder = SceneBuilder::default();
-        for (id, placer) in &self.tools.recipe.place {
-            self.compose(&format!("place.{id}"), |context| placer.place(&mut builder, context))?;
+        for (id, placers) in &self.tools.recipe.place {
+            let stage = format!("place.{id}");
+            let Chosen { stage: placer, stream, alternative } = placers.draw(self.stream(&stage));
+            self.note_choice(&stage, alternative);
+            self.sample(&stage, stream, |context| placer.place(&mut builder, context))?;
         }
         Ok(builder)
     }
 
     /// Lets the bodies come to rest.
     pub fn settle(&self, builder: &mut SceneBuilder) -> Result<SettleReport> {
-        self.compose("settle", |context| self.tools.recipe.settle.settle(builder, context))
+        let Chosen { stage: settler, stream, alternative } = self.tools.recipe.settle.draw(self.stream("settle"));
+        self.note_choice("settle", alternative);
+        self.sample("settle", stream, |context| settler.settle(builder, context))
     }
 
     /// Samples camera and lights of a view. All cameras of a rig share its pose, its moment and its lights.
@@ -137,9 +144,16 @@ impl Attempt<'_> {
         };
         let shell = shell()?;
         let mut lights = scene.lights.clone();
-        for (light, sampler) in &recipe.lights {
+        for (light, samplers) in &recipe.lights {
             let stage = format!("lights.{light}");
-            let stream = if sampler.once_per_scene() { self.stream(&stage) } else { of_pose(&stage) };
+            // Alternatives agree on it.
+            let once = samplers.all().any(LightSampler::once_per_scene);
+            let stream = if once { self.stream(&stage) } else { of_pose(&stage) };
+            let Chosen { stage: sampler, stream, alternative } = samplers.draw(stream);
+            let is_new = if once { id.0 == 0 } else { recipe.rig.is_first(id) };
+            if is_new {
+                self.note_choice(&stage, alternative);
+            }
             lights.extend(self.sample(&stage, stream, |context| sampler.lights(scene, &reference, &shell, context))?);
         }
         Ok(View { id, moment, camera, exposure, lights, rig })
@@ -156,7 +170,7 @@ impl Attempt<'_> {
     ) -> Result<Pose> {
         let count = |draws: &PoseDraws| {
             if self.tools.recipe.rig.is_first(view) {
-                self.draws.lock().add(draws);
+                self.draws.lock().poses.add(draws);
             }
         };
         let mut draws = PoseDraws::default();

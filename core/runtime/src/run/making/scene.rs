@@ -1,11 +1,11 @@
 //! One scene of a run: its attempts, its files, and its line of the journal.
 
 use crate::pools::RecordingAssets;
+use crate::run::dataset::draws::SceneDraws;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{JournalEntry, SceneOutcome};
 use crate::run::dataset::loss::Loss;
 use crate::run::dataset::manifest::{Manifest, Written};
-use crate::run::dataset::pose_draws::PoseDraws;
 use crate::run::dataset::records::{self, Records};
 use crate::run::dataset::settled;
 use crate::run::decisions::work_list::{self, Task, Work};
@@ -75,21 +75,42 @@ impl<'a> SceneMaker<'a> {
                 let (written, entry) = extended(present, made, whole);
                 Ok(Some(MadeScene { entry, kept, written }))
             }
-            Some((WrittenScene { views, objects, anomalies, left_out, written, assets, poses }, None)) => {
+            Some((WrittenScene { views, objects, anomalies, left_out, written, assets, draws }, None)) => {
                 let outcome = outcome(views, objects, whole);
                 let Anomalies { scene: notices, views: odd_views, .. } = anomalies;
+                let SceneDraws { poses, choices } = draws;
                 let attempt = number;
-                let entry =
-                    JournalEntry { scene, attempt, outcome, notices, odd_views, poses, left_out, errors, assets };
+                let entry = JournalEntry {
+                    scene,
+                    attempt,
+                    outcome,
+                    notices,
+                    odd_views,
+                    poses,
+                    choices,
+                    left_out,
+                    errors,
+                    assets,
+                };
                 Ok(Some(MadeScene { entry, kept: Manifest::default(), written }))
             }
             None if is_present => self.folder.abandon(scene).map(|()| None),
             None => {
-                let (outcome, (notices, odd_views, poses, left_out, assets)) =
+                let (outcome, (notices, odd_views, poses, choices, left_out, assets)) =
                     (SceneOutcome::Failed, Default::default());
                 let attempt = number;
-                let entry =
-                    JournalEntry { scene, attempt, outcome, notices, odd_views, poses, left_out, errors, assets };
+                let entry = JournalEntry {
+                    scene,
+                    attempt,
+                    outcome,
+                    notices,
+                    odd_views,
+                    poses,
+                    choices,
+                    left_out,
+                    errors,
+                    assets,
+                };
                 Ok(Some(MadeScene { entry, kept: Manifest::default(), written: Written::new() }))
             }
         }
@@ -108,7 +129,7 @@ impl<'a> SceneMaker<'a> {
         let (dataset, scene, draws) = (&work.dataset, SceneId(scene), Mutex::default());
         let attempt = Attempt { tools: self.tools, dataset, scene, number, assets, draws };
         let written = self.write(&attempt, work, (&staged, stored), queue)?;
-        Ok(WrittenScene { assets: attempt.assets.into_digests(), poses: attempt.draws.into_inner(), ..written })
+        Ok(WrittenScene { assets: attempt.assets.into_digests(), draws: attempt.draws.into_inner(), ..written })
     }
 
     /// Composes the scene of an attempt, walks over it, and writes its files.
@@ -135,8 +156,8 @@ impl<'a> SceneMaker<'a> {
         self.reporter.event(&scene_event(&scene));
         let (views, objects) = (work.dataset.views_per_scene, scene.objects().len() as u32);
         let (anomalies, left_out) = (files.scan.anomalies(&scene), losses.all());
-        let (assets, poses) = Default::default();
-        Ok(WrittenScene { views, objects, anomalies, left_out, written, assets, poses })
+        let (assets, draws) = Default::default();
+        Ok(WrittenScene { views, objects, anomalies, left_out, written, assets, draws })
     }
 
     /// Places the bodies, and settles them, or applies the `stored` result of settling.
@@ -204,7 +225,7 @@ struct WrittenScene {
     written: Written,
     /// Digests of the assets that it drew.
     assets: BTreeMap<String, String>,
-    poses: PoseDraws,
+    draws: SceneDraws,
 }
 
 /// Writes the views of a scene, and keeps the data of the views for the journal and for annotators of the dataset.

@@ -3,7 +3,7 @@
 //! Rays against the bodies of the scene answer every question, so the result depends neither on the renderer nor on the
 //! resolution. Cheap conditions come first, and the first condition that a pose does not meet refuses it.
 
-use crate::run::dataset::pose_draws::Condition;
+use crate::run::dataset::draws::Condition;
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::scene::{Body, Camera, Role, Scene, Support};
@@ -56,7 +56,7 @@ impl ConditionTest<'_> {
     /// Tests a camera.
     ///
     /// # Errors
-    /// If the view sampler cannot say where the camera looks at, and a condition needs it.
+    /// If a condition needs the point that the camera looks at, and the view sampler names none.
     pub fn verdict(&self, camera: &Camera) -> Result<Verdict> {
         let (conditions, eye) = (self.conditions, Point3::from(camera.world_from_camera.translation.vector));
         let refused = |condition| Ok(Verdict::Refused(condition, 0));

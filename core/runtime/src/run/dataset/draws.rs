@@ -1,4 +1,4 @@
-//! Numbers of camera poses that conditions refused.
+//! Random decisions on a scene that the journal records.
 
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
@@ -71,4 +71,13 @@ impl PoseDraws {
         }
         self.unmet.extend(&other.unmet);
     }
+}
+
+/// The random decisions on a scene.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct SceneDraws {
+    /// Camera poses that were drawn under conditions.
+    pub poses: PoseDraws,
+    /// Drawn alternatives of stages by stage, from 0: one of a scene, or one of each view.
+    pub choices: BTreeMap<String, Vec<u32>>,
 }

@@ -1,0 +1,75 @@
+//! Alternatives of a stage.
+
+use syntable_model::random::Stream;
+
+/// A stage, or several alternatives. A scene or a view takes one of the alternatives, drawn by weight.
+pub struct OneOf<T: ?Sized>(Vec<(f64, Box<T>)>);
+
+/// The stage that a scene or a view takes.
+pub struct Chosen<'s, T: ?Sized> {
+    /// The stage.
+    pub stage: &'s T,
+    /// Its random numbers.
+    pub stream: Stream,
+    /// Its index among the alternatives; none if the stage has none.
+    pub alternative: Option<u32>,
+}
+
+impl<T: ?Sized> OneOf<T> {
+    /// A stage without alternatives.
+    pub fn only(stage: Box<T>) -> Self {
+        Self(vec![(1.0, stage)])
+    }
+
+    /// Alternatives with their weights; at least one weight is above zero.
+    pub(crate) fn weighted(alternatives: Vec<(f64, Box<T>)>) -> Self {
+        Self(alternatives)
+    }
+
+    /// The stage or its alternatives.
+    pub fn all(&self) -> impl Iterator<Item = &T> {
+        self.0.iter().map(|(_, stage)| &**stage)
+    }
+
+    /// Draws an alternative from the random numbers of the stage. A stage without alternatives gets these numbers unchanged.
+    pub fn draw(&self, stream: Stream) -> Chosen<'_, T> {
+        if let [(_, only)] = self.0.as_slice() {
+            return Chosen { stage: &**only, stream, alternative: None };
+        }
+        let total: f64 = self.0.iter().map(|(weight, _)| weight).sum();
+        let mut at = stream.child("one_of").uniform(0.0, total);
+        let drawn = self.0.iter().position(|(weight, _)| {
+            at -= weight;
+            at < 0.0
+        });
+        // Rounding can leave no alternative below the total.
+        let last = || self.0.iter().rposition(|(weight, _)| *weight > 0.0).unwrap_or_default();
+        let index = drawn.unwrap_or_else(last);
+        let stream = stream.child("alternative").at(index as u64);
+        Chosen { stage: &*self.0[index].1, stream, alternative: Some(index as u32) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn alternatives_occur_by_weight_and_have_random_numbers_of_their_own() {
+        let stages = OneOf::<str>::weighted(vec![(1.0, "a".into()), (0.0, "never".into()), (3.0, "b".into())]);
+        let mut counts = [0_u32; 3];
+        for scene in 0..4000 {
+            let stream = Stream::root(5).at(scene);
+            let chosen = stages.draw(stream.clone());
+            let index = chosen.alternative.expect("several");
+            assert_eq!(chosen.stage, ["a", "never", "b"][index as usize]);
+            assert_ne!(chosen.stream, stream);
+            counts[index as usize] += 1;
+        }
+        // Five standard deviations of a binomial distribution: 5·√(4000·¼·¾) = 137.
+        assert!(counts[0].abs_diff(1000) < 137 && counts[1] == 0, "{counts:?}");
+        let only = OneOf::<str>::only("a".into());
+        let chosen = only.draw(Stream::root(5));
+        assert_eq!((chosen.stage, chosen.stream, chosen.alternative), ("a", Stream::root(5), None));
+    }
+}
