@@ -5,6 +5,7 @@ use crate::exit::Exit;
 use crate::progress::{Human, JsonLines};
 use clap::ValueEnum;
 use std::io::{IsTerminal, Write};
+use std::sync::Arc;
 use syntable_model::registry::Registry;
 use syntable_recipe::message::Message;
 use syntable_recipe::{Diagnostic, Recipe, Report};
@@ -19,15 +20,15 @@ pub(crate) enum LogFormat {
 
 /// Output of results and messages. Nothing else prints.
 pub struct Console {
-    reporter: Box<dyn Reporter>,
+    reporter: Arc<dyn Reporter>,
     format: LogFormat,
 }
 
 impl Console {
     pub(crate) fn new(format: LogFormat) -> Self {
-        let reporter: Box<dyn Reporter> = match format {
-            LogFormat::Json => Box::<JsonLines>::default(),
-            LogFormat::Human => Box::new(Human::new(std::io::stderr().is_terminal())),
+        let reporter: Arc<dyn Reporter> = match format {
+            LogFormat::Json => Arc::<JsonLines>::default(),
+            LogFormat::Human => Arc::new(Human::new(std::io::stderr().is_terminal())),
         };
         Self { reporter, format }
     }
@@ -35,6 +36,11 @@ impl Console {
     /// Shows the events of a run.
     pub fn reporter(&self) -> &dyn Reporter {
         &*self.reporter
+    }
+
+    /// The same for another thread.
+    pub(crate) fn shared_reporter(&self) -> Arc<dyn Reporter> {
+        Arc::clone(&self.reporter)
     }
 
     /// Number of columns of the terminal; `None` if results do not go to a terminal.

@@ -1,21 +1,54 @@
 //! Signals that end a verb.
 
+use crate::console::Console;
 use crate::exit::Exit;
 use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
+use signal_hook::{flag, low_level};
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::thread;
+use std::time::Duration;
 use syntable_model::error::Error;
+use syntable_runtime::run::progress::Event;
 use syntable_runtime::run::stop::{Stop, StopReason};
 
-/// A stop handle that SIGINT and SIGTERM trigger. A second signal ends the process at once, with exit code 128 plus its
-/// number.
+/// Time for an orderly end. Then the process ends as after a second signal, since a library that reads meshes or
+/// denoises images cannot be interrupted.
+const GRACE: Duration = Duration::from_millis(1500);
+
+/// Work or a service that a signal ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ends {
+    /// Work. The text names the part that remains, as in "finished scenes are kept". The exit code is 128 plus the
+    /// number of the signal.
+    Work(&'static str),
+    /// A service, which has no other end. The exit code is 0.
+    Service,
+}
+
+/// A stop handle that SIGINT and SIGTERM trigger. The first signal prints a line at once, and the process ends within
+/// two seconds. A second signal ends the process at once, with exit code 128 plus its number.
 ///
 /// # Errors
 /// If the operating system refuses the handlers.
-pub fn on_signals() -> Result<Stop, Exit> {
-    handled().map_err(|error| Exit::stopped(Error::new(format!("signals cannot be handled: {error}"))))
+pub fn on_signals(console: &Console, ends: Ends) -> Result<Stop, Exit> {
+    let stop = handled().map_err(|error| Exit::stopped(Error::new(format!("signals cannot be handled: {error}"))))?;
+    let (asked, reporter) = (stop.clone(), console.shared_reporter());
+    thread::spawn(move || {
+        asked.wait();
+        let Some(StopReason::Signal(signal)) = asked.requested() else { return };
+        if let Ends::Work(kept) = ends {
+            let message = format!("stopping: {kept}; a second Ctrl-C ends the program at once");
+            reporter.event(&Event::Note { message });
+        }
+        thread::sleep(GRACE);
+        low_level::exit(match ends {
+            Ends::Work(_) => 128 + i32::from(signal),
+            Ends::Service => 0,
+        });
+    });
+    Ok(stop)
 }
 
 fn handled() -> io::Result<Stop> {

@@ -368,6 +368,10 @@ pub trait Workers: Send + Sync {
 
 /// Where warnings go.
 pub trait Log: Send + Sync {
+    /// Unwinds if the work was asked to stop, so that no stage has to pass on an unfinished result. Loops that take
+    /// longer than a tenth of a second call it, inside jobs or outside. [`run`](Self::run) calls it itself. By default,
+    /// nothing stops the work.
+    fn check_stop(&self) {}
     /// Reports a problem that does not stop the work.
     fn warn(&self, warning: &Error);
 

@@ -1,4 +1,5 @@
-//! Panics turned into errors: of stages, and of the libraries that read foreign files.
+//! Panics turned into errors: of stages, and of the libraries that read foreign files. Work that was asked to stop also
+//! unwinds ([`stop`]), and becomes an error of its own kind.
 //!
 //! Only unwinding can be caught. Overflows of the stack and failed allocations end the process; [`limits`](crate::limits)
 //! prevent those.
@@ -6,7 +7,7 @@
 use crate::error::{Error, Result};
 use std::any::Any;
 use std::cell::{Cell, RefCell};
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
 use std::sync::Once;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -20,6 +21,16 @@ thread_local! {
 
 /// Number of runs of this process that report panics themselves.
 static QUIET: AtomicUsize = AtomicUsize::new(0);
+
+/// Payload of work that ends because it was asked to stop.
+#[derive(Debug)]
+struct Stopped(String);
+
+/// Unwinds to the caller of the stage: [`unwound`] returns an error that the work was stopped, with this reason. No panic
+/// is reported.
+pub fn stop(reason: String) -> ! {
+    resume_unwind(Box::new(Stopped(reason)))
+}
 
 /// The text of a panic, and its place in the source.
 #[derive(Debug)]
@@ -51,9 +62,18 @@ impl Panicked {
     }
 }
 
+/// Passes a payload on to another thread: a panic keeps its place, and a stop stays one.
+pub fn carry(payload: Box<dyn Any + Send>) -> ! {
+    if payload.is::<Stopped>() { resume_unwind(payload) } else { resume_unwind(Box::new(Panicked::of(payload))) }
+}
+
 /// Runs something that may panic; a panic becomes an error.
 pub fn unwound<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
+        let payload = match payload.downcast::<Stopped>() {
+            Ok(stopped) => return Err(Error::stopped(stopped.0)),
+            Err(payload) => payload,
+        };
         let panicked = Panicked::of(payload);
         Err(Error::unlucky(format!("panicked{}: {}", panicked.place(), panicked.message))
             .help("this is a bug of the program or of a plugin; please report it with the recipe and the file"))
@@ -73,6 +93,9 @@ pub fn guarded<T>(reader: &str, file: &Path, work: impl FnOnce() -> Result<T>) -
     GUARDS.set(GUARDS.get() + 1);
     let _inside = Inside;
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
+        if payload.is::<Stopped>() {
+            resume_unwind(payload);
+        }
         let panicked = Panicked::of(payload);
         let what = format!("{reader} failed on it: panicked{}: {}", panicked.place(), panicked.message);
         Err(Error::new(what)
@@ -120,6 +143,14 @@ mod tests {
         assert!(quiet(inner));
         let place = quiet(|| unwound::<()>(|| panic!("after"))).expect_err("panics").to_string();
         assert!(place.contains("panics.rs:"), "{place}");
+    }
+
+    #[test]
+    fn a_stop_passes_guards_and_is_no_panic() {
+        let stopped = || guarded::<()>("the reader of x", Path::new("y"), || stop("stopped by its caller".to_owned()));
+        let error = unwound(stopped).expect_err("stopped");
+        assert_eq!(error, Error::stopped("stopped by its caller"));
+        assert_eq!(GUARDS.get(), 0);
     }
 
     #[test]

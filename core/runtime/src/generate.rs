@@ -14,7 +14,7 @@ use crate::run::panics;
 use crate::run::progress::{Event, Guarded, Once, Reporter, Warnings};
 use crate::run::scene_range;
 use crate::run::stop::Stop;
-use crate::workers::{self, Pool};
+use crate::workers::{self, Pool, Stoppable};
 use parking_lot::{Condvar, Mutex};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -102,8 +102,8 @@ pub fn generate(
     let in_flight = scenes_in_flight(recipe, options.threads, scenes.len());
     let sessions = Sessions::open(&*recipe.render, in_flight)?;
     let (dataset, stop) = (recipe.dataset_info(), options.stop.nested());
-    let tools =
-        Tools { recipe, assets: &assets, cache: &options.cache, workers: &pool, log: &log, times: &times, stop: &stop };
+    let (workers, cache) = (&Stoppable { workers: &pool, stop: &stop }, &options.cache);
+    let tools = Tools { recipe, assets: &assets, cache, workers, log: &log, times: &times, stop: &stop };
     let walk =
         SceneWalk { tools, sessions: &sessions, checks: &recipe.checks, reporter, dataset: &dataset, plan: &plan };
     let maker = SampleMaker { walk, names: &names, left_out: Mutex::default() };

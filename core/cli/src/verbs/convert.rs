@@ -2,7 +2,7 @@
 
 use crate::console::Console;
 use crate::exit::Exit;
-use crate::signals::{ended, on_signals};
+use crate::signals::{Ends, ended, on_signals};
 use clap::Args;
 use std::path::PathBuf;
 use syntable_model::error::Error;
@@ -35,7 +35,7 @@ pub(crate) struct ConvertArgs {
 
 pub(crate) fn convert(console: &Console, registry: &Registry, args: ConvertArgs) -> Result<(), Exit> {
     let ConvertArgs { dataset, to, out, format, trust_paths, set } = args;
-    let stop = on_signals()?;
+    let stop = on_signals(console, Ends::Work("the output stays as it was"))?;
     let threads = workers::available();
     let out = StoreFolder::from(out);
     let options = ConvertOptions { dataset, format, trust_paths, to, set, out, threads, stop };

@@ -3,7 +3,7 @@
 use super::run::end_of;
 use crate::console::Console;
 use crate::exit::Exit;
-use crate::signals::{ended, on_signals};
+use crate::signals::{Ends, ended, on_signals};
 use clap::Args;
 use std::path::PathBuf;
 use syntable_model::registry::Registry;
@@ -19,7 +19,7 @@ pub(crate) struct MergeArgs {
 }
 
 pub(crate) fn merge(console: &Console, registry: &Registry, args: &MergeArgs) -> Result<(), Exit> {
-    let stop = on_signals()?;
+    let stop = on_signals(console, Ends::Work("merged scenes are kept, and the same command continues"))?;
     let merged = run::merge(registry, &args.out, &args.parts, workers::available(), &stop, console.reporter());
     end_of(&merged.map_err(|error| ended(&stop, error))?, &args.out)
 }

@@ -3,7 +3,7 @@
 use crate::arguments::RecipeArgs;
 use crate::console::Console;
 use crate::exit::Exit;
-use crate::signals::{ended, on_signals};
+use crate::signals::{Ends, ended, on_signals};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
@@ -50,7 +50,7 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Res
     let recipe = console.load_for_run(registry, &args.recipe)?;
     recipe.ready(args.allow_libraries).map_err(Exit::wrong)?;
     let scenes = args.scenes.map(|scenes| scenes.within(recipe.dataset.scenes)).transpose().map_err(Exit::wrong)?;
-    let stop = on_signals()?;
+    let stop = on_signals(console, Ends::Work("finished scenes are kept, and the same command continues"))?;
     let options = RunOptions {
         scenes,
         allow_libraries: args.allow_libraries,

@@ -3,7 +3,7 @@
 use crate::console::Console;
 use crate::exit::Exit;
 use crate::flags::with_flags;
-use crate::signals::{ended, on_signals};
+use crate::signals::{Ends, ended, on_signals};
 use clap::Args;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -52,7 +52,10 @@ struct ValidatedAt<'a> {
 }
 
 pub(crate) fn validate(console: &Console, registry: &Registry, args: &ValidateArgs) -> Result<(), Exit> {
-    let (stop, pool) = (on_signals()?, Pool::new(workers::available()).map_err(Exit::stopped)?);
+    let (stop, pool) = (
+        on_signals(console, Ends::Work("nothing is written"))?,
+        Pool::new(workers::available()).map_err(Exit::stopped)?,
+    );
     let work = ImageWork { workers: &pool, reporter: console.reporter(), stop: &stop };
     let one = |path: &PathBuf| {
         let source = Source::new(path).trusting(args.trust_paths);

@@ -35,7 +35,7 @@ pub use options::RunOptions;
 pub use outcome::RunOutcome;
 pub use scene_range::SceneRange;
 
-use crate::workers::Pool;
+use crate::workers::{Pool, Stoppable};
 use decisions::opening::{self, CheckedRun};
 use making::scenes::MadeScenes;
 use making::{first_scene, scenes};
@@ -58,8 +58,9 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let begun = checked.begin(folder, aside, &pool, reporter)?;
     let MadeScenes { folder, journal, resolved, new, grown, lacking } =
         scenes::make(recipe, options, &pool, reporter, begun)?;
-    let outcome = finish::end(recipe, reporter, &pool, &folder, journal, &resolved, (options.repair, &wanted))
-        .map_err(stopping)?;
+    let workers = &Stoppable { workers: &pool, stop: &options.stop };
+    let end = || finish::end(recipe, reporter, workers, &folder, journal, &resolved, (options.repair, &wanted));
+    let outcome = panics::unwound(end).map_err(stopping)?;
     let outcome = RunOutcome { lacking, ..outcome };
     reporter.event(&Event::Finished {
         out: options.out.name().display().to_string(),

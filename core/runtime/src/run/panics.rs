@@ -1,15 +1,13 @@
 //! Panics of stages, turned into errors that name the stage and the place.
 
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use syntable_model::error::Result;
-use syntable_model::panics::Panicked;
+use syntable_model::panics::carry;
 pub use syntable_model::panics::{quiet, unwound};
 
 /// Runs a job on a worker thread; a panic keeps its place while it moves to the thread that waits for the job.
 pub fn carried(job: impl FnOnce()) {
-    if let Err(payload) = catch_unwind(AssertUnwindSafe(job)) {
-        resume_unwind(Box::new(Panicked::of(payload)));
-    }
+    catch_unwind(AssertUnwindSafe(job)).unwrap_or_else(|payload| carry(payload));
 }
 
 /// Runs a stage. Its errors and panics name it.

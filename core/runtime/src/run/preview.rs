@@ -18,7 +18,7 @@ use crate::run::making::times::Times;
 use crate::run::panics;
 use crate::run::progress::{Event, Reporter, Warnings};
 use crate::run::stop::Stop;
-use crate::workers::Pool;
+use crate::workers::{Pool, Stoppable};
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -137,7 +137,7 @@ impl Previewer {
             width: wanted.width,
             render: parts.get(Slot::Render.name()),
             keys: (scene_key, image_key),
-            pool: &self.pool,
+            workers: Stoppable { workers: &self.pool, stop },
             cache: &self.cache,
             times: Times::default(),
             log,
@@ -166,7 +166,7 @@ struct PassSource<'p> {
     render: Option<Digest>,
     /// Digests of everything that determines scenes and images, except their numbers.
     keys: (Digest, Digest),
-    pool: &'p Pool,
+    workers: Stoppable<'p>,
     cache: &'p DiskCache,
     times: Times,
     log: &'p dyn Log,
@@ -225,7 +225,7 @@ impl PassSource<'_> {
             recipe: self.recipe,
             assets: &self.assets,
             cache: self.cache,
-            workers: self.pool,
+            workers: &self.workers,
             log: self.log,
             times: &self.times,
             stop: self.stop,
@@ -245,7 +245,7 @@ impl PassSource<'_> {
         let (dataset, draws) = (&self.info, Mutex::default());
         let attempt = Attempt { tools, dataset, scene: SceneId(scene), number, assets: recorded, draws };
         let frozen = compose(composed, self.keys.0, &attempt, self.reporter)?;
-        let of_dataset = DatasetContext::new(&self.info, self.pool, self.log).with_cache(self.cache);
+        let of_dataset = DatasetContext::new(&self.info, &self.workers, self.log).with_cache(self.cache);
         let (mut of_scene, losses) = (Products::new(), Losses::default());
         for stage in &self.plan.before_views {
             run_in_scene(&self.times, &losses, stage, &of_dataset.scene(&frozen), &[], &mut of_scene)?;
@@ -291,7 +291,7 @@ impl PassSource<'_> {
         // The session keeps the scene alive, so no other scene can have its address.
         if !session.loaded.as_ref().is_some_and(|loaded| Arc::ptr_eq(loaded, frozen)) {
             session.loaded = None;
-            self.times.of("render.load", || session.session.load(frozen, self.pool))?;
+            self.times.of("render.load", || session.session.load(frozen, &self.workers))?;
             session.loaded = Some(Arc::clone(frozen));
         }
         let mut posed = PosedSession::new(&mut *session.session, frozen);

@@ -14,7 +14,7 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// A handle that ends work early. Clones share it.
 ///
-/// A run that is asked to stop starts no scene, drops unfinished scenes, and keeps finished ones.
+/// A run that is asked to stop starts no scene, drops unfinished scenes within a moment, and keeps finished ones.
 #[derive(Debug, Clone, Default)]
 pub struct Stop {
     own: Arc<AtomicUsize>,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
 use syntable_cli::{
-    Console, Exit, Message, TRUST_PATHS, Topic, Verb, amount, check_outputs, ended, on_signals, threads,
+    Console, Ends, Exit, Message, TRUST_PATHS, Topic, Verb, amount, check_outputs, ended, on_signals, threads,
 };
 use syntable_evaluate::masked_object::Occluded;
 use syntable_evaluate::measure::{MetricKind, linked};
@@ -157,7 +157,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> std::r
         ..defaults
     };
     let pool = Pool::new(threads(arguments.get_one("threads").copied())).map_err(Exit::stopped)?;
-    let stop = on_signals()?;
+    let stop = on_signals(console, Ends::Work("nothing is written"))?;
     let work = ImageWork { workers: &pool, reporter: console.reporter(), stop: &stop };
     let found = evaluate(registry, &options, &work).map_err(|error| ended(&stop, error))?;
     if let Some(file) = path("csv") {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, value_parser};
-use syntable_cli::{Console, Exit, Message, RecipeArgs, Verb, check_outputs, ended, on_signals, threads, with_flags};
+use syntable_cli::{Console, Ends, Exit, Message, RecipeArgs, Verb, check_outputs, ended, on_signals, threads, with_flags};
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
 use syntable_report::preview::{PassEnd, Preview, PreviewOptions};
@@ -90,9 +90,11 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
         threads: threads(arguments.get_one("threads").copied()),
     };
     let mut preview = Preview::new(registry, options, console.reporter()).map_err(Exit::stopped)?;
-    let stop = on_signals()?;
+    let is_service = serve.is_some() || arguments.get_flag("watch");
+    let ends = if is_service { Ends::Service } else { Ends::Work("the images so far are kept") };
+    let stop = on_signals(console, ends)?;
     let places: String = preview.places().into_iter().map(|place| format!("{place}\n")).collect();
-    if serve.is_some() || arguments.get_flag("watch") {
+    if is_service {
         console.print(&places)?;
         // A signal is how it ends.
         return preview.watch(&stop).map_err(Exit::stopped);

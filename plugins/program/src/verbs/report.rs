@@ -3,7 +3,7 @@
 use super::arguments;
 use std::path::PathBuf;
 use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_cli::{Console, Exit, Message, Verb, amount, ended, on_signals};
+use syntable_cli::{Console, Ends, Exit, Message, Verb, amount, ended, on_signals};
 use syntable_model::registry::Registry;
 use syntable_report::report::make::{ReportOptions, make};
 use syntable_runtime::images::ImageWork;
@@ -61,7 +61,10 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
         scenes: number("scenes"),
         labels_only: arguments.get_flag("labels-only"),
     };
-    let (pool, stop) = (Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?, on_signals()?);
+    let (pool, stop) = (
+        Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?,
+        on_signals(console, Ends::Work("the output stays as it was"))?,
+    );
     let work = ImageWork { workers: &pool, reporter: console.reporter(), stop: &stop };
     let made = make(registry, &options, &work).map_err(|error| ended(&stop, error))?;
     made.notes.into_iter().for_each(|note| console.say(&Message::Warning(note)));

@@ -3,7 +3,7 @@
 use super::arguments;
 use std::path::{Path, PathBuf};
 use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_cli::{Console, Exit, Verb, check_outputs, ended, on_signals};
+use syntable_cli::{Console, Ends, Exit, Verb, check_outputs, ended, on_signals};
 use syntable_model::reader::Source;
 use syntable_model::registry::Registry;
 use syntable_report::stats::distribution::Binning;
@@ -88,7 +88,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     let read: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
     check_outputs(&[("--csv", arguments.get_one("csv"))], &read)?;
     let sources: Vec<Source> = datasets.iter().map(|path| arguments::source(path, arguments)).collect();
-    let (pool, stop) = (Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?, on_signals()?);
+    let (pool, stop) = (Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?, on_signals(console, Ends::Work("nothing is written"))?);
     let work = ImageWork { workers: &pool, reporter: console.reporter(), stop: &stop };
     let found = compare(registry, &sources, text("format"), &options, &work).map_err(|error| ended(&stop, error))?;
     if let Some(file) = arguments.get_one::<PathBuf>("csv") {

@@ -4,7 +4,7 @@ use super::arguments;
 use std::path::PathBuf;
 use std::thread;
 use syntable_cli::clap::{ArgMatches, Command};
-use syntable_cli::{Console, Exit, Verb, on_signals};
+use syntable_cli::{Console, Ends, Exit, Verb, on_signals};
 use syntable_model::registry::Registry;
 use syntable_report::view::Viewer;
 use syntable_runtime::workers::Pool;
@@ -37,7 +37,8 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     let scores = arguments.get_one::<PathBuf>("scores").map(PathBuf::as_path);
     let viewer =
         Viewer::open(registry, &arguments::source(dataset, arguments), format, scores, port).map_err(Exit::stopped)?;
-    let (stop, pool) = (on_signals()?, Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?);
+    let (stop, pool) =
+        (on_signals(console, Ends::Service)?, Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?);
     console.print(&format!("{}\n", viewer.url()))?;
     let serving = stop.clone();
     // When the process ends, the remaining statistics and slow browsers do not matter.

@@ -3,6 +3,7 @@
 use crate::engine::{Engine, Overlap};
 use crate::options::{OnViolation, Rapier, Remove};
 use crate::static_body::SupportSurface;
+use syntable_model::context::Workers;
 use syntable_model::geometry::{Aabb, Point3, Pose, Translation3, UnitQuaternion, Vector3};
 use syntable_model::random::Stream;
 use syntable_model::scene::{DropZone, Role, SettleReport};
@@ -76,6 +77,8 @@ pub struct Acceptance<'a> {
     infos: &'a [BodyInfo],
     /// Surface that carries the bodies.
     surface: &'a SupportSurface,
+    /// Ends the simulation on request.
+    workers: &'a dyn Workers,
     respawns: Vec<u32>,
     /// Whether a body had more time since it was last respawned.
     waited: Vec<bool>,
@@ -87,12 +90,19 @@ pub struct Acceptance<'a> {
 
 impl<'a> Acceptance<'a> {
     /// A check of bodies that have just been added.
-    pub fn new(config: &'a Rapier, engine: &'a mut Engine, infos: &'a [BodyInfo], surface: &'a SupportSurface) -> Self {
+    pub fn new(
+        config: &'a Rapier,
+        engine: &'a mut Engine,
+        infos: &'a [BodyInfo],
+        surface: &'a SupportSurface,
+        workers: &'a dyn Workers,
+    ) -> Self {
         Self {
             config,
             engine,
             infos,
             surface,
+            workers,
             respawns: vec![0; infos.len()],
             waited: vec![false; infos.len()],
             removed: Vec::new(),
@@ -156,7 +166,7 @@ impl<'a> Acceptance<'a> {
         };
         let mut fallen = Vec::new();
         let leaves = |body: usize, bounds: &Aabb| places[body].is_some_and(|place| is_below(place, bounds));
-        let time = self.engine.run(duration_s, leaves, &mut fallen);
+        let time = self.engine.run(duration_s, leaves, &mut fallen, self.workers);
         self.simulated_s += time;
         self.report.simulated_s = self.report.simulated_s.max(time);
         let fell = |body: usize| Some(Fallen { body, reason: places[body]?.fell_off() });

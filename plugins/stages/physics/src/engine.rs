@@ -25,6 +25,7 @@ use rapier3d::geometry::{ColliderBuilder, NarrowPhase};
 use rapier3d::pipeline::PhysicsWorld;
 use std::sync::Arc;
 use syntable_convex::{PolyhedronContacts, penetration_depth};
+use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Aabb, Point3, Pose};
 use syntable_model::scene::{BodyDraft, MassProperties as BodyMass};
@@ -197,9 +198,16 @@ impl Engine {
 
     /// Simulates until all bodies sleep or `duration_s` is over. Returns the simulated time, s. Takes out bodies for
     /// which `has_fallen` returns `true`, given index and bounding box, and adds their indices to `fallen`.
-    pub fn run(&mut self, duration_s: f64, has_fallen: impl Fn(usize, &Aabb) -> bool, fallen: &mut Vec<usize>) -> f64 {
+    pub fn run(
+        &mut self,
+        duration_s: f64,
+        has_fallen: impl Fn(usize, &Aabb) -> bool,
+        fallen: &mut Vec<usize>,
+        workers: &dyn Workers,
+    ) -> f64 {
         let steps = (duration_s / self.step_s).ceil() as usize;
         for step in 1..=steps {
+            workers.check_stop();
             self.step();
             if step % FALL_CHECK_STEPS == 0 {
                 let below: Vec<usize> = self.present().filter(|&body| has_fallen(body, &self.bounds(body))).collect();

@@ -92,6 +92,8 @@ impl HullCache {
         let shape = |i: usize| {
             let (object, purpose) = objects[i];
             let compute = || {
+                // A caller that waited for another thread computes the shape that this thread has given up.
+                workers.check_stop();
                 let number = begun.fetch_add(1, Ordering::Relaxed) + 1;
                 Ok::<_, Infallible>(self.compute(object, purpose, cache, &|| tell(object, number)))
             };

@@ -103,7 +103,8 @@ impl Settler for Settle {
             engine.add(body, shape.clone());
         }
         let (AcceptanceOutcome { report, removed }, poses) = engine.on_threads(self.threads, |engine| {
-            let outcome = Acceptance::new(&self.config, engine, &infos, &surface).run(&context.stream);
+            let acceptance = Acceptance::new(&self.config, engine, &infos, &surface, context.workers);
+            let outcome = acceptance.run(&context.stream);
             let poses: Vec<(usize, Pose)> = engine.present().map(|body| (body, engine.pose(body))).collect();
             (outcome, poses)
         })?;

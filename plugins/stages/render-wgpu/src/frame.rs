@@ -209,7 +209,7 @@ impl GpuSession {
             None => None,
         };
 
-        let mut passes = Passes::new(self, world, layout.gathered);
+        let mut passes = Passes::new(self, world, layout.gathered, request.workers);
         self.trace_frame(&mut passes, world, &layout, views, all)?;
         if let (Some(filter), Some(options)) = (&mut filter, layout.guided) {
             self.denoise_frame(&mut passes.encoder, &layout, filter, options)?;

@@ -5,6 +5,7 @@ use crate::layout::{COUNTERS, GROUP, GROUPS_COUNTED, ONLY_GUIDES, PASS_STRIDE, P
 use crate::session::{Gathered, GpuSession, World};
 use std::ops::Range;
 use std::sync::Arc;
+use syntable_model::context::Workers;
 use syntable_model::error::Result;
 use syntable_transport::path::GUIDE_BOUNCES;
 
@@ -52,14 +53,16 @@ pub struct Passes<'a> {
     kernels: [Arc<wgpu::ComputePipeline>; 5],
     /// The end of the pass before the last.
     before: Option<wgpu::SubmissionIndex>,
+    /// Ends the work between passes on request.
+    workers: &'a dyn Workers,
 }
 
 impl<'a> Passes<'a> {
     /// Records with the kernels that a scene needs.
-    pub fn new(session: &'a GpuSession, world: &World, gathered: Gathered) -> Self {
+    pub fn new(session: &'a GpuSession, world: &World, gathered: Gathered, workers: &'a dyn Workers) -> Self {
         let variant = session.variant(world, gathered);
         let kernels = KERNELS.map(|kernel| session.device.kernel(kernel, variant));
-        Self { session, encoder: session.device.encoder(), group: session.bind(), kernels, before: None }
+        Self { session, encoder: session.device.encoder(), group: session.bind(), kernels, before: None, workers }
     }
 
     /// Traces samples of pixels, in as many passes as the state of paths needs.
@@ -90,6 +93,7 @@ impl<'a> Passes<'a> {
 
     /// Traces the paths of a pass.
     fn pass(&mut self, pass: Pass, max_bounces: u32, shadows: bool) -> Result<()> {
+        self.workers.check_stop();
         let session = self.session;
         let passes: Vec<u8> = (0..=max_bounces)
             .flat_map(|bounce| {

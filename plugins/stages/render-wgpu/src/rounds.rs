@@ -104,7 +104,7 @@ impl GpuTracer<'_> {
         device.write(&buffers.view, 0, bytemuck::bytes_of(view));
         let pixels = width as usize * height as usize;
         let words = sums(guides, opacity) * pixels as u64;
-        let mut passes = Passes::new(session, self.world, self.gathered);
+        let mut passes = Passes::new(session, self.world, self.gathered, workers);
         passes.encoder.clear_buffer(&buffers.output, 0, Some(4 * words));
         passes.trace(view, all, samples)?;
         *self.counted.lock() = rays_of(&passes.counters()?);

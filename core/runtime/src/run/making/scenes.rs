@@ -17,7 +17,7 @@ use crate::run::options::RunOptions;
 use crate::run::outcome::stopping;
 use crate::run::panics;
 use crate::run::progress::{Event, Reporter, Warnings, count};
-use crate::workers::Pool;
+use crate::workers::{Pool, Stoppable};
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
@@ -99,10 +99,11 @@ fn make_scenes(
     let tasks = todo.scenes.iter().map(|(&scene, job)| works.task(scene, job)).collect();
     let (sessions, times) = (Sessions::open(&*recipe.render, in_flight)?, Times::default());
     let cache = &options.cache;
-    let tools = Tools { recipe, assets, cache, workers: pool, log: &log, times: &times, stop: &options.stop };
+    let workers = &Stoppable { workers: pool, stop: &options.stop };
+    let tools = Tools { recipe, assets, cache, workers, log: &log, times: &times, stop: &options.stop };
     let maker = SceneMaker { tools, reporter, folder, sessions: &sessions, checks: &recipe.checks };
     let (notices, progress) = (ReportedNotices::default(), Mutex::default());
-    let work = SceneWork { maker, tasks, todo, journal, pool, notices, progress };
+    let work = SceneWork { maker, tasks, todo, journal, notices, progress };
     panics::quiet(|| {
         std::thread::scope(|threads| {
             let queue = Queue::start(threads, options.threads);
@@ -130,7 +131,6 @@ struct SceneWork<'w> {
     tasks: Vec<Task<'w>>,
     todo: &'w Todo,
     journal: &'w Mutex<Journal>,
-    pool: &'w Pool,
     notices: ReportedNotices,
     progress: Mutex<SceneProgress>,
 }
@@ -196,11 +196,11 @@ impl SceneWork<'_> {
 
     /// Rehearses the end of the run after its first scene, because some mistakes would show only then.
     fn rehearse_end(&self, task: &Task, entry: JournalEntry) -> Result<()> {
-        let SceneMaker { tools: Tools { recipe, log, .. }, folder, .. } = &self.maker;
+        let SceneMaker { tools: Tools { recipe, log, workers, .. }, folder, .. } = &self.maker;
         let trial = folder.stage_trial()?;
         // The real end counts the omitted data of the trial.
         let dataset = recipe.dataset_info();
-        let lender = DatasetLender::new(DatasetContext::new(&dataset, self.pool, *log));
+        let lender = DatasetLender::new(DatasetContext::new(&dataset, *workers, *log));
         let Ended { writers, annotators } = annotate_and_finish(recipe, &lender, folder, &[entry], &trial);
         folder.drop_trial()?;
         // An annotator of the dataset may need more than one scene.

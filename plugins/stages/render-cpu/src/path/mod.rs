@@ -107,10 +107,11 @@ impl<'a> PathTracer<'a> {
     }
 
     #[inline(always)]
-    fn trace_in_lanes<T: Real>(&self, task: &mut Task, statistics: &mut Statistics) {
+    fn trace_in_lanes<T: Real>(&self, task: &mut Task, statistics: &mut Statistics, workers: &dyn Workers) {
         let mut batch = Batch::new();
         let mut cursor = Cursor::first(task);
         while !cursor.is_over(task) {
+            workers.check_stop();
             let first = cursor;
             let count = self.start::<T>(&mut batch, task, &mut cursor);
             match self.gather {
@@ -246,7 +247,7 @@ impl TileTracers<'_> {
             let mut statistics = Statistics::default();
             let task = &mut *tasks[number].lock();
             let tracer = &self.0[task.tile];
-            tracer.processor.run(Trace { tracer, task, statistics: &mut statistics });
+            tracer.processor.run(Trace { tracer, task, statistics: &mut statistics, workers });
             total.lock().add(&statistics);
         });
         total.into_inner()
@@ -274,6 +275,7 @@ struct Trace<'a, 'b> {
     tracer: &'a PathTracer<'a>,
     task: &'a mut Task<'b>,
     statistics: &'a mut Statistics,
+    workers: &'a dyn Workers,
 }
 
 impl syntable_simd::Task for Trace<'_, '_> {
@@ -281,7 +283,7 @@ impl syntable_simd::Task for Trace<'_, '_> {
 
     #[inline(always)]
     fn run<S: Simd>(self) {
-        self.tracer.trace_in_lanes::<S::Real>(self.task, self.statistics);
+        self.tracer.trace_in_lanes::<S::Real>(self.task, self.statistics, self.workers);
     }
 }
 
