@@ -248,6 +248,10 @@ pub trait Assets: Send + Sync {
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]>;
     /// Loads an asset. An error means that the asset is bad; the error has been reported.
     fn get(&self, asset: &AssetRef) -> Result<Asset>;
+    /// States how many assets the stage is about to load, for messages about progress. By default, this does nothing.
+    fn expect(&self, count: usize) {
+        let _ = count;
+    }
 }
 
 impl dyn Assets + '_ {
@@ -364,14 +368,14 @@ pub trait Workers: Send + Sync {
     fn threads(&self) -> usize;
     /// Runs `job(0)`, …, `job(jobs - 1)`, in any order, and returns when all are done.
     fn run(&self, jobs: usize, job: &(dyn Fn(usize) + Sync));
-}
-
-/// Where warnings go.
-pub trait Log: Send + Sync {
     /// Unwinds if the work was asked to stop, so that no stage has to pass on an unfinished result. Loops that take
     /// longer than a tenth of a second call it, inside jobs or outside. [`run`](Self::run) calls it itself. By default,
     /// nothing stops the work.
     fn check_stop(&self) {}
+}
+
+/// Where warnings go.
+pub trait Log: Send + Sync {
     /// Reports a problem that does not stop the work.
     fn warn(&self, warning: &Error);
 
@@ -401,7 +405,12 @@ impl Steps {
         *self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(step);
     }
 
-    /// The latest step; none before the first.
+    /// Ends the latest step.
+    pub fn end(&self) {
+        *self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = None;
+    }
+
+    /// The latest step; none before the first and after an end.
     pub fn latest(&self) -> Option<String> {
         self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone()
     }

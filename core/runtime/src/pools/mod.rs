@@ -22,7 +22,7 @@ use open_pool::OpenPool;
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use syntable_model::context::{Assets, Collected, Log};
+use syntable_model::context::{Assets, Collected, Log, Steps};
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{Asset, AssetRef, CatalogEntry, Object};
 use syntable_prepare::{AssetCache, RayMesh};
@@ -208,16 +208,37 @@ impl Assets for AssetStore<'_> {
     }
 }
 
-/// The assets of one attempt at a scene. Records the digests of the drawn assets.
+/// The assets of one attempt at a scene. Records the digests of the drawn assets, and names the asset that is being
+/// loaded.
 pub struct RecordingAssets<'a> {
     store: &'a AssetStore<'a>,
     digests: Mutex<BTreeMap<String, String>>,
+    steps: Steps,
+    /// Number of assets that the present stage has loaded, and the number that it has announced.
+    progress: Mutex<[usize; 2]>,
 }
 
 impl<'a> RecordingAssets<'a> {
     /// Starts without drawn assets.
     pub fn new(store: &'a AssetStore<'a>) -> Self {
-        Self { store, digests: Mutex::default() }
+        Self { store, digests: Mutex::default(), steps: Steps::default(), progress: Mutex::default() }
+    }
+
+    /// Runs a stage that may load assets, and shows their names to a user who waits.
+    pub fn during<T>(&self, log: &dyn Log, stage: impl FnOnce() -> T) -> T {
+        *self.progress.lock() = [0, 0];
+        let (mut stage, mut result) = (Some(stage), None);
+        log.during(&self.steps, &mut || result = stage.take().map(|stage| stage()));
+        result.expect("a log calls the work once")
+    }
+
+    /// Names the asset that is being loaded, with its number among those that the stage has announced.
+    fn begin(&self, asset: &AssetRef) {
+        let mut progress = self.progress.lock();
+        progress[0] += 1;
+        let [number, all] = *progress;
+        let of = if all > 0 { format!(" ({} of {all})", number.min(all)) } else { String::new() };
+        self.steps.begin(format!("loading `{asset}`{of}"));
     }
 
     /// Digests of all drawn assets, by `pool/name`.
@@ -232,10 +253,16 @@ impl Assets for RecordingAssets<'_> {
     }
 
     fn get(&self, asset: &AssetRef) -> Result<Asset> {
+        self.begin(asset);
         let loaded = self.store.get(asset);
+        self.steps.end();
         let digest = loaded.as_ref().map_or_else(|_| BAD.to_owned(), |loaded| loaded.digest().to_string());
         self.digests.lock().insert(asset.to_string(), digest);
         loaded
+    }
+
+    fn expect(&self, count: usize) {
+        *self.progress.lock() = [0, count];
     }
 }
 

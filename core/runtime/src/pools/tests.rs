@@ -313,6 +313,44 @@ fn an_asset_is_loaded_once_while_it_is_in_use_and_warns_once() {
     assert!(told[1].contains("asset p/tin: the object is 8.40 m long (`units = \"cm\"`"), "{told:?}");
 }
 
+/// A log that samples the steps of work.
+#[derive(Default)]
+struct Sampled(Mutex<BTreeSet<Option<String>>>);
+
+impl Log for Sampled {
+    fn warn(&self, _: &Error) {}
+
+    fn during(&self, steps: &Steps, work: &mut dyn FnMut()) {
+        let done = std::sync::atomic::AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !done.load(std::sync::atomic::Ordering::SeqCst) {
+                    self.0.lock().insert(steps.latest());
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+            });
+            work();
+            done.store(true, std::sync::atomic::Ordering::SeqCst);
+        });
+        assert_eq!(steps.latest(), None);
+    }
+}
+
+#[test]
+fn an_asset_is_named_with_its_number_while_it_is_loaded() {
+    let (source, options, log) = (Long::default(), PoolOptions::default(), Sampled::default());
+    let store = AssetStore::new(BTreeMap::from([("p", pool(&source, &options))]), OnBadAsset::Skip, &log);
+    let assets = RecordingAssets::new(&store);
+    let get = |name: &str| drop(assets.get(&AssetRef { pool: "p".into(), name: name.into() }));
+    assets.during(&log, || get("desk"));
+    assets.during(&log, || {
+        assets.expect(2);
+        ["cup", "tin"].into_iter().for_each(get);
+    });
+    let steps: Vec<String> = log.0.into_inner().into_iter().flatten().collect();
+    assert_eq!(steps, ["loading `p/cup` (1 of 2)", "loading `p/desk`", "loading `p/tin` (2 of 2)"]);
+}
+
 #[test]
 fn the_cache_keeps_an_asset_of_a_large_part_of_it() {
     let map = EnvironmentMap::new("", 64, 64, vec![[1.0; 3]; 64 * 64]).expect("sound");

@@ -36,8 +36,8 @@ pub enum Event {
         /// View of the image.
         view: u32,
     },
-    /// A step of a scene takes longer than a second, such as the first convex decomposition of a pool's meshes. At most
-    /// one event per second.
+    /// A step of a scene takes longer than a second, such as the loading of its assets, or the first convex decomposition
+    /// of a pool's meshes. At most one event per second.
     Working {
         /// The current step.
         step: String,

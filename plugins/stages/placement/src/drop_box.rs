@@ -151,7 +151,12 @@ impl Placer for DropBox {
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let support = scene.support(self.support.as_ref())?.clone();
         let count = self.count.draw(&mut context.stream.child("count")) as usize;
+        let materials = self.material.as_ref().map_or(0, |_| count);
+        context.assets.expect(if self.with_replacement { count + materials } else { count });
         let once = if self.with_replacement { None } else { Some(self.distinct(count, context)?) };
+        if once.is_some() {
+            context.assets.expect(materials);
+        }
         let mut taken: Vec<OrientedBox> = scene
             .bodies()
             .filter(|(_, body)| body.role != Role::Room)

@@ -90,7 +90,8 @@ impl Attempt<'_> {
             let stage = format!("place.{id}");
             let Chosen { stage: placer, stream, alternative } = placers.draw(self.stream(&stage));
             self.note_choice(&stage, alternative);
-            self.sample(&stage, stream, |context| placer.place(&mut builder, context))?;
+            let place = || self.sample(&stage, stream, |context| placer.place(&mut builder, context));
+            self.assets.during(self.tools.log, place)?;
         }
         Ok(builder)
     }
@@ -154,7 +155,8 @@ impl Attempt<'_> {
             if is_new {
                 self.note_choice(&stage, alternative);
             }
-            lights.extend(self.sample(&stage, stream, |context| sampler.lights(scene, &reference, &shell, context))?);
+            let sample = || self.sample(&stage, stream, |context| sampler.lights(scene, &reference, &shell, context));
+            lights.extend(self.assets.during(self.tools.log, sample)?);
         }
         Ok(View { id, moment, camera, exposure, lights, rig })
     }
