@@ -48,7 +48,7 @@ impl LeftOutReport {
         if !losses.is_empty() {
             let mut stages: Vec<&str> = losses.iter().map(|loss| loss.stage.as_str()).collect();
             stages.dedup();
-            let summary = format!("labels are written incompletely by {}", stages.join(", "));
+            let summary = format!("data are written incompletely by {}", stages.join(", "));
             self.add(summary, losses.iter().map(Loss::warning));
         }
     }

@@ -471,7 +471,7 @@ fn holes_that_polygons_fill_are_counted() {
     ] {
         let said = fails(convert(&path("ring"), to, &path("lossy")).args(["--set", set]), 3);
         assert_eq!((says(&said, "visible"), says(&said, "amodal")), (visible, amodal), "{set}: {said}");
-        assert!(said.contains(&format!("labels are written incompletely by write.{to}")), "{said}");
+        assert!(said.contains(&format!("data are written incompletely by write.{to}")), "{said}");
         fs::remove_dir_all(path("lossy")).expect("there");
     }
     // Rotated boxes enclose the mask, and the other formats store masks.

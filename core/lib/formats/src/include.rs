@@ -196,6 +196,8 @@ pub struct IncludedProducts<'a> {
     pub name: String,
     /// Height and width of the image; zeros for the products of a scene.
     pub shape: [usize; 2],
+    /// Where warnings go.
+    pub log: &'a dyn Log,
 }
 
 impl<'a> IncludedProducts<'a> {

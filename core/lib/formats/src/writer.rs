@@ -100,19 +100,14 @@ impl<W: ProductWriter> ImageWriter for GenericWriter<W> {
 
     fn view(&self, (): &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
         let (name, shape) = (view_name(cx.scene_id, cx.view_id), include::shape(cx));
-        self.0.write(&IncludedProducts { include: self.0.include(), scope: Scope::View, products, output, name, shape })
+        let (include, scope, log) = (self.0.include(), Scope::View, cx.log);
+        self.0.write(&IncludedProducts { include, scope, products, output, name, shape, log })
     }
 
     fn close(&self, (): (), cx: &ImagesContext, products: &Products, output: &Output) -> Result<()> {
         let (name, shape) = (scene_name(cx.scene_id), [0, 0]);
-        self.0.write(&IncludedProducts {
-            include: self.0.include(),
-            scope: Scope::Scene,
-            products,
-            output,
-            name,
-            shape,
-        })
+        let (include, scope, log) = (self.0.include(), Scope::Scene, cx.log);
+        self.0.write(&IncludedProducts { include, scope, products, output, name, shape, log })
     }
 
     fn paths(&self, of: &FileOf) -> Vec<String> {

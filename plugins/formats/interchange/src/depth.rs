@@ -1,8 +1,11 @@
 //! Depth images in millimeters.
 
-use syntable_formats::encode::png::{PngImage, Rounding, depth_units};
+use syntable_formats::encode::png::{PngImage, Rounding, depth_image};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, DEPTH_SENSED};
+
+/// How to store what a depth image cannot hold.
+const DEEPER: &str = "the layout has whole millimeters; also write depth with npy or exr";
 
 /// Source of the depth that is written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -29,7 +32,7 @@ impl DepthSource {
     }
 
     /// 16-bit depth along the optical axis in whole millimeters, rounded to the nearest; 0 without a surface.
-    pub fn image(self, products: &Products) -> Result<PngImage> {
-        Ok(PngImage::gray16(&products.get(self.key())?.map(|&depth| depth_units(depth, 1.0, Rounding::Nearest))))
+    pub fn image(self, products: &Products, log: &dyn Log) -> Result<PngImage> {
+        Ok(depth_image(products.get(self.key())?, 1.0, Rounding::Nearest, (log, DEEPER)))
     }
 }

@@ -9,6 +9,9 @@ use syntable_model::product::{DType, Tensor};
 
 const EXTENSION: &str = "png";
 
+/// How to store what a depth image cannot hold.
+const DEEPER: &str = "raise `depth_scale_mm`: 1 mm reaches 65.5 m, 2 mm 131 m; or write depth with npy or exr";
+
 /// Writes images and masks as PNG files.
 ///
 /// # Behavior
@@ -37,8 +40,8 @@ pub struct Png {
     /// Products to write.
     #[schemars(length(min = 1))]
     pub include: Included,
-    /// Step of a depth image, mm. Depths beyond 65535 steps are stored as 65535: 1 mm reaches 65.5 m, 0.1 mm reaches
-    /// 6.55 m.
+    /// Step of a depth image, mm. 1 mm reaches 65.5 m, 0.1 mm reaches 6.55 m. Depths beyond 65535 steps are stored as
+    /// 65535; the run counts them, and ends with exit code 3.
     #[schemars(range(min = 0.001, max = 1000.0))]
     pub depth_scale_mm: f64,
     /// Whether to crop images per instance with an opacity, such as `appearance`, to the box of their pixels that are
@@ -79,7 +82,11 @@ impl ProductWriter for Png {
         included.write_images(EXTENSION, |kind, value| {
             let cut = if self.crop { cropped(value) } else { None };
             let value = cut.as_ref().unwrap_or(value);
-            PngCoding::of(kind).map_err(Error::new)?.image(value, self.depth_scale_mm)?.encode()
+            let coding = PngCoding::of(kind).map_err(Error::new)?;
+            if let Some(beyond) = coding.beyond(value, self.depth_scale_mm, DEEPER) {
+                included.log.left_out(&beyond);
+            }
+            coding.image(value, self.depth_scale_mm)?.encode()
         })
     }
 }

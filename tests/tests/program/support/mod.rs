@@ -75,7 +75,7 @@ pub fn made(command: &mut Command) -> String {
     let said = text(&output);
     let mut losses = said.lines().filter(|line| line.starts_with("warning: write."));
     let are_holes =
-        said.contains("labels are written incompletely by") && losses.all(|it| it.contains("have holes in their"));
+        said.contains("data are written incompletely by") && losses.all(|it| it.contains("have holes in their"));
     assert!(output.status.success() || output.status.code() == Some(3) && are_holes, "{command:?}\n{said}");
     String::from_utf8_lossy(&output.stdout).into_owned()
 }

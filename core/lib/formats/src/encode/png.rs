@@ -5,7 +5,9 @@ use super::npy::other_writer;
 use png::{BitDepth, ColorType, Compression, Encoder};
 use std::sync::LazyLock;
 use syntable_model::color::srgb_to_linear;
+use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
+use syntable_model::left_out::LeftOut;
 use syntable_model::product::{DType, Mask, Plane, Tensor, Value};
 use syntable_model::stage::Output;
 
@@ -76,6 +78,14 @@ impl PngCoding {
         };
         let samples = self.samples(tensor, depth_scale_mm);
         Ok(PngImage { width: tensor.shape[1] as u32, height: tensor.shape[0] as u32, samples })
+    }
+
+    /// The pixels of a value that [`image`](Self::image) stores with the maximum, since they are too deep. `remedy` tells
+    /// how to store them.
+    pub fn beyond(self, value: &Value, depth_scale_mm: f64, remedy: &'static str) -> Option<LeftOut> {
+        let (Self::Depth, Value::Tensor(tensor)) = (self, value) else { return None };
+        let depths = tensor.bytes.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes));
+        Some(depth_beyond(depths, depth_scale_mm, remedy))
     }
 
     fn samples(self, tensor: &Tensor, depth_scale_mm: f64) -> PngSamples {
@@ -215,6 +225,30 @@ pub fn depth_units(depth_m: f32, unit_mm: f64, rounding: Rounding) -> u16 {
     }
 }
 
+/// The pixels of a depth image whose depth 16 bits cannot hold. `remedy` tells how to store them.
+fn depth_beyond(depths_m: impl Iterator<Item = f32>, unit_mm: f64, remedy: &'static str) -> LeftOut {
+    let most = f64::from(u16::MAX);
+    let beyond = |m: f32| (f64::from(m) * (1000.0 / unit_mm)).round() > most;
+    let (mut count, mut of) = (0, 0);
+    for m in depths_m.filter(|m| m.is_finite()) {
+        (count, of) = (count + usize::from(beyond(m)), of + 1);
+    }
+    let what =
+        format!("pixels are deeper than the image can store, and have its maximum, {:.2} m", most * unit_mm / 1e3);
+    LeftOut::new(count, of, what).help(remedy)
+}
+
+/// The 16-bit image of a depth, in multiples of `unit_mm` millimeters. Reports the pixels beyond its range with `remedy`.
+pub fn depth_image(
+    depth: &Plane<f32>,
+    unit_mm: f64,
+    rounding: Rounding,
+    (log, remedy): (&dyn Log, &'static str),
+) -> PngImage {
+    log.left_out(&depth_beyond(depth.data().iter().copied(), unit_mm, remedy));
+    PngImage::gray16(&depth.map(|&depth| depth_units(depth, unit_mm, rounding)))
+}
+
 /// A normal of the camera frame (x right, y down, z forward) in the usual colors: y up, z toward the viewer.
 fn normal_code([x, y, z]: [f32; 3]) -> [u8; 3] {
     if [x, y, z] == [0.0; 3] {
@@ -243,6 +277,34 @@ mod tests {
         assert_eq!([0.0019, 1.2345, 65.6, 1e9, -1.0].map(|d| mm(d, Rounding::Nearest)), [2, 1235, 65535, 65535, 0]);
         assert_eq!([f32::INFINITY, f32::NAN, f32::NEG_INFINITY].map(|d| mm(d, Rounding::Nearest)), [0; 3]);
         assert_eq!(depth_units(1.23456, 0.1, Rounding::Nearest), 12346);
+    }
+
+    #[test]
+    fn depths_beyond_sixteen_bits_are_counted() {
+        let depths = [0.0, 6.5535, 6.55354, 6.55356, 12.0, f32::INFINITY, f32::NAN];
+        let log = Sums::default();
+        let image = depth_image(&Plane::from_vec(7, 1, depths.to_vec()), 0.1, Rounding::Nearest, (&log, "raise it"));
+        assert_eq!(image.samples, PngSamples::Gray16(vec![0, 65535, 65535, 65535, 65535, 0, 0]));
+        let bytes = depths.iter().flat_map(|depth| depth.to_le_bytes()).collect();
+        let value = Value::Tensor(Tensor::new(DType::F32, &["y", "x"], vec![1, 7], bytes));
+        let of_value = PngCoding::Depth.beyond(&value, 0.1, "raise it").expect("a depth");
+        let text = "2 of 5 pixels are deeper than the image can store, and have its maximum, 6.55 m";
+        assert_eq!(*log.0.lock().expect("sound"), [(text.to_owned(), of_value.help.clone())]);
+        assert_eq!(of_value.to_string(), text);
+        assert_eq!(
+            PngCoding::Depth.beyond(&value, 0.2, "raise it").map(|beyond| (beyond.count, beyond.of)),
+            Some((0, 5))
+        );
+    }
+
+    /// Reports of omitted data, with the remedy.
+    #[derive(Default)]
+    struct Sums(std::sync::Mutex<Vec<(String, Option<std::borrow::Cow<'static, str>>)>>);
+    impl Log for Sums {
+        fn warn(&self, _: &Error) {}
+        fn left_out(&self, left_out: &LeftOut) {
+            self.0.lock().expect("sound").push((left_out.to_string(), left_out.help.clone()));
+        }
     }
 
     #[test]

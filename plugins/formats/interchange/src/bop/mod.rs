@@ -79,7 +79,8 @@ use syntable_model::prelude::*;
 pub struct Bop {
     /// Folder of the scenes: `train_pbr` for rendered training images, `test` for images of a benchmark.
     pub split: String,
-    /// Step of depth images, mm. Depths beyond 65535 steps are stored as 65535: 0.1 mm reaches 6.55 m.
+    /// Step of depth images, mm. 0.1 mm reaches 6.55 m, 1 mm reaches 65.5 m. Depths beyond 65535 steps are stored as
+    /// 65535; the run counts them, and ends with exit code 3.
     #[schemars(range(min = 0.001, max = 1000.0))]
     pub depth_scale: f64,
     /// Objects to list.

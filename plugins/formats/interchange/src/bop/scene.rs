@@ -9,7 +9,7 @@ use super::shard::Shard;
 use super::{Bop, BopLayout, BopMeshes, BopObjects};
 use std::borrow::Cow;
 use syntable_formats::encode::json_shard::push_line;
-use syntable_formats::encode::png::{self, Rounding, depth_units};
+use syntable_formats::encode::png::{self, Rounding, depth_image};
 use syntable_formats::json::unwritable;
 use syntable_formats::read::label_of;
 use syntable_formats::segmentation::UncompressedRle;
@@ -76,6 +76,9 @@ pub fn json(value: &impl Serialize) -> Result<Vec<u8>> {
     Ok(line)
 }
 
+/// How to store what a depth image cannot hold.
+const DEEPER: &str = "raise `depth_scale`: 0.2 mm reaches 13.1 m, 1 mm 65.5 m";
+
 /// The content of a view in either layout.
 struct BopView {
     rgb: png::PngImage,
@@ -92,11 +95,10 @@ impl SceneWriter for BopScene {
             return Err(Error::new("BOP has no cameras with lens distortion")
                 .help("leave distortion out of the camera's options, or write the dataset with another writer"));
         }
-        let depth = products.get(DEPTH)?.map(|&depth| depth_units(depth, scale, Rounding::Nearest));
         let objects = self.config.objects.of(products)?;
         let files = BopView {
             rgb: png::PngImage::rgb(products.get(RGB)?),
-            depth: png::PngImage::gray16(&depth),
+            depth: depth_image(products.get(DEPTH)?, scale, Rounding::Nearest, (cx.log, DEEPER)),
             camera: camera.scene_camera(scale),
             infos: objects.iter().map(|object| object.visibility.info(object.visible.bbox())).collect(),
         };

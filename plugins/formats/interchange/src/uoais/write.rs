@@ -51,7 +51,7 @@ impl Family for Uoais {
 
     fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
         let image = image_name(cx.scene_id, cx.view_id);
-        files.png(&format!("{}/{}", self.split, depth_path(&image)), &self.depth.image(products)?)?;
+        files.png(&format!("{}/{}", self.split, depth_path(&image)), &self.depth.image(products, cx.log)?)?;
         let labels = MaskChoice::Amodal.shown(cx.log, labels::labels(cx.dataset, products)?);
         let extra = Extra::from_iter([(DEPTH_FILE.to_owned(), depth_path(&image).into())]);
         files.image_in(&self.split, rgb_path(&image), products, labels.len(), extra)?;

@@ -3,7 +3,7 @@
 use super::record::{self, ViewLabels};
 use super::{Compat, RECIPE, SynTable, debug, merge};
 use syntable_formats::encode::npy::Array;
-use syntable_formats::encode::png::{PngImage, Rounding, depth_units};
+use syntable_formats::encode::png::{PngImage, Rounding, depth_image};
 use syntable_formats::include::write_file;
 use syntable_formats::shard;
 use syntable_formats::syntable::{depth_path, occlusion_order_path, rgb_path};
@@ -57,8 +57,9 @@ impl ImageWriter for SynTable {
             Compat::Syntable1 => Rounding::TruncateSingle,
         };
         if let Some(depth) = products.optional(DEPTH)? {
-            let depth = depth.map(|&depth| depth_units(depth, 1.0, rounding));
-            PngImage::gray16(&depth).write(output, &self.path(&depth_path(scene, view)))?;
+            let remedy = "the layout has whole millimeters; also write depth with npy or exr";
+            let depth = depth_image(depth, 1.0, rounding, (cx.log, remedy));
+            depth.write(output, &self.path(&depth_path(scene, view)))?;
         }
         let labels = ViewLabels::of(products)?.annotated_by(self.compat)?;
         if let Some(order) = labels.order {
