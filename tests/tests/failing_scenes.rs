@@ -108,6 +108,7 @@ fn a_panic_costs_one_scene_and_shifts_none() {
             failed: 0,
             lacking: 0,
             missing: 0,
+            useless: Vec::new(),
             images: 8,
             bad_assets: Vec::new(),
             left_out: Vec::new()
@@ -121,6 +122,7 @@ fn a_panic_costs_one_scene_and_shifts_none() {
             failed: 1,
             lacking: 0,
             missing: 0,
+            useless: Vec::new(),
             images: 6,
             bad_assets: Vec::new(),
             left_out: Vec::new()
@@ -155,6 +157,7 @@ fn the_next_attempt_may_do_better() {
             failed: 0,
             lacking: 0,
             missing: 0,
+            useless: Vec::new(),
             images: 8,
             bad_assets: Vec::new(),
             left_out: Vec::new()

@@ -397,11 +397,15 @@ fn kills_while_overwriting_leave_no_half_of_the_old_dataset() {
 #[test]
 fn what_is_odd_about_scenes_is_told_once_and_at_the_end() {
     let folder = tempfile::tempdir().expect("a folder");
-    let said = text(&small_run(folder.path(), &["--set", "lights=[]", "--threads", "1"]).output().expect("starts"));
-    for word in ["scene 0: all images are black", "2 of 2 scenes: all images are black", "no light", "[[lights]]"] {
+    let output = small_run(folder.path(), &["--set", "lights=[]", "--threads", "1"]).output().expect("starts");
+    let said = text(&output);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    for word in
+        ["scene 0: all images are black", "of no use: all images are black, in 4 images", "no light", "[[lights]]"]
+    {
         assert!(said.contains(word), "{word} is not in\n{said}");
     }
-    assert!(!said.contains("scene 1: all images"), "{said}");
+    assert!(!said.contains("scene 1: all images") && said.matches("warning").count() == 1, "{said}");
     let lit = text(&small_run(&folder.path().join("lit"), &[]).output().expect("starts"));
     assert!(!lit.contains("black") && !lit.contains("no light"), "{lit}");
 }
@@ -418,11 +422,12 @@ fn scenes_whose_objects_nobody_sees_are_told() {
         let count = format!("dataset.views_per_scene={}", poses.len());
         let out = folder.path().join(name);
         let output = small_run(&out, &["--set", &views, "--set", &count]).output().expect("starts");
-        assert!(output.status.success(), "{}", text(&output));
+        let code = if poses.contains(&at) { 0 } else { 3 };
+        assert_eq!(output.status.code(), Some(code), "{}", text(&output));
         (text(&output), fs::read_to_string(out.join(".syntable/journal.jsonl")).expect("written"))
     };
     let (said, journal) = run("past", &[past, past]);
-    assert!(said.contains(&format!("2 of 2 scenes: {says}")) && said.contains("check [views]"), "{said}");
+    assert!(said.contains(&format!("of no use: {says}, in 4 images")) && said.contains("check [views]"), "{said}");
     assert_eq!(journal.matches(r#""unlabeled""#).count(), 2, "{journal}");
     assert!(!said.contains("black") && !said.contains("no light"), "{said}");
     assert!(!journal.contains("odd_views"), "{journal}");

@@ -89,7 +89,12 @@ pub(crate) fn end_of(outcome: &RunOutcome, out: &Path) -> Result<(), Exit> {
             .in_file(out)
             .help("the warning above names them")
     });
-    let mut messages: Vec<Message> = [failed, lacking, missing].into_iter().flatten().map(Message::Error).collect();
+    let useless = outcome.useless.iter().map(|(what, help)| {
+        let images = count(outcome.images, "image");
+        Error::new(format!("the dataset is of no use: {what}, in {images}")).in_file(out).help(*help)
+    });
+    let errors = [failed, lacking, missing].into_iter().flatten().chain(useless);
+    let mut messages: Vec<Message> = errors.map(Message::Error).collect();
     let help = match outcome.bad_assets.as_slice() {
         [] => "see the warnings above",
         _ => {

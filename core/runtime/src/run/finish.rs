@@ -28,7 +28,7 @@ use syntable_recipe::{Lock, Recipe, with_lock};
 
 /// Annotates the dataset and runs the last step of every writer. Reports an error only after all writers had their
 /// turn. Removes stale files of the `wanted` scenes that could not be written again; other scenes keep such files for a
-/// later run.
+/// later run. `told` are the anomalies whose remedies the run has shown.
 pub fn end(
     recipe: &Recipe,
     reporter: &dyn Reporter,
@@ -37,6 +37,7 @@ pub fn end(
     journal: Journal,
     resolved: &str,
     (repair, wanted): (bool, &Range<u32>),
+    told: &BTreeSet<Notice>,
 ) -> Result<RunOutcome> {
     let log = &Warnings(reporter);
     let journal = Mutex::new(journal);
@@ -62,7 +63,8 @@ pub fn end(
     let resolved = with_lock(resolved, &Lock { assets, ..Lock::default() });
     let published = folder.publish_finish(&resolved, &mut journal, failure.is_none(), repair);
     failure.map_or(published, Err)?;
-    tell_at_the_end(&made, reporter);
+    let (useless, all_have) = shared_by_all(&made);
+    tell_at_the_end(&made, &useless, told, reporter);
     tell_of_poses(&made, reporter);
     let all_assets = entries.iter().flat_map(|entry| &entry.assets);
     let bad: BTreeSet<&String> = all_assets.filter(|(_, digest)| *digest == BAD).map(|(name, _)| name).collect();
@@ -72,6 +74,7 @@ pub fn end(
         failed: (entries.len() - made.len()) as u32,
         lacking: 0,
         missing: 0,
+        useless: useless.into_iter().map(|notice| (notice.text(&all_have), notice.help(&all_have))).collect(),
         images: entries.iter().map(JournalEntry::views).sum(),
         left_out: Loss::sum(made.iter().flat_map(|entry| entry.left_out.clone()).chain(lender.losses())),
     })
@@ -80,16 +83,31 @@ pub fn end(
 /// Views are few if they are less than one in this number.
 const FEW: u32 = 10;
 
-/// Warns about anomalies of scenes and views. A few anomalous views may be intended, and cause no warning.
-fn tell_at_the_end(made: &[JournalEntry], reporter: &dyn Reporter) {
+/// The anomalies that make a dataset useless because all of its scenes have them, and all anomalies that all scenes
+/// have.
+fn shared_by_all(made: &[JournalEntry]) -> (Vec<Notice>, BTreeSet<Notice>) {
+    let both = |a: BTreeSet<Notice>, b: BTreeSet<Notice>| a.intersection(&b).copied().collect();
+    let all_have = made.iter().map(|entry| entry.notices.clone()).reduce(both).unwrap_or_default();
+    let makes_useless = |notice: &Notice| [Notice::Black, Notice::Unlabeled].contains(notice);
+    (Notice::reported(&all_have).filter(makes_useless).collect(), all_have)
+}
+
+/// Warns about anomalies of scenes and views. A few anomalous views may be intended, and cause no warning. The errors of
+/// the run name the anomalies that make it `useless`.
+fn tell_at_the_end(made: &[JournalEntry], useless: &[Notice], told: &BTreeSet<Notice>, reporter: &dyn Reporter) {
     let log = Warnings(reporter);
     let all: u32 = made.iter().map(JournalEntry::views).sum();
     for notice in [Notice::Black, Notice::White, Notice::Unlit, Notice::Unlabeled] {
-        let whole = || made.iter().filter(|entry| entry.notices.contains(&notice));
+        let whole = || made.iter().filter(|entry| Notice::reported(&entry.notices).any(|other| other == notice));
         let scenes = whole().count();
-        if scenes > 0 {
+        if let Some(first) = whole().next().filter(|_| !useless.contains(&notice)) {
             let of = format!("{scenes} of {}", count(made.len() as u32, "scene"));
-            log.warn(&Error::new(notice.text()).help(notice.help()).context(of));
+            let warning = Error::new(notice.text(&first.notices)).context(of);
+            if told.contains(&notice) {
+                reporter.event(&Event::Note { message: warning.to_string() });
+            } else {
+                log.warn(&warning.help(notice.help(&first.notices)));
+            }
         }
         let some = || made.iter().filter_map(|entry| Some((entry.scene, entry.odd_views.get(&notice)?)));
         let Some((scene, &[view, ..])) = some().next().map(|(scene, views)| (scene, views.as_slice())) else {

@@ -97,9 +97,9 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     catalogs(&begun.folder, &first.folder).map_err(stopping)?;
     let journal = journal.into_inner();
     let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains_key(scene)).collect();
-    let outcome =
-        finish::end(&recipe, reporter, &Pool::new(threads)?, &begun.folder, journal, &resolved, (false, &(0..0)))
-            .map_err(stopping)?;
+    let (pool, told) = (Pool::new(threads)?, BTreeSet::new());
+    let outcome = finish::end(&recipe, reporter, &pool, &begun.folder, journal, &resolved, (false, &(0..0)), &told)
+        .map_err(stopping)?;
     let missing = lacks.len() as u32;
     if missing > 0 {
         let all = count(recipe.dataset.scenes, "scene");

@@ -56,10 +56,10 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let folder = opening::open_folder(options, reporter)?;
     let aside = if options.overwrite { first_scene::replace(recipe, options, &folder, reporter)? } else { None };
     let begun = checked.begin(folder, aside, &pool, reporter)?;
-    let MadeScenes { folder, journal, resolved, new, grown, lacking } =
+    let MadeScenes { folder, journal, resolved, new, grown, lacking, told } =
         scenes::make(recipe, options, &pool, reporter, begun)?;
     let workers = &Stoppable { workers: &pool, stop: &options.stop };
-    let end = || finish::end(recipe, reporter, workers, &folder, journal, &resolved, (options.repair, &wanted));
+    let end = || finish::end(recipe, reporter, workers, &folder, journal, &resolved, (options.repair, &wanted), &told);
     let outcome = panics::unwound(end).map_err(stopping)?;
     let outcome = RunOutcome { lacking, ..outcome };
     reporter.event(&Event::Finished {

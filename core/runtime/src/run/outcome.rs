@@ -18,6 +18,9 @@ pub struct RunOutcome {
     pub lacking: u32,
     /// Number of the recipe's scenes that no merged part has; 0 after a run.
     pub missing: u32,
+    /// Texts and remedies of anomalies that make the dataset useless: all of its images are black, or no image shows an
+    /// object.
+    pub useless: Vec<(&'static str, &'static str)>,
     /// Number of images in the dataset.
     pub images: u32,
     /// Unusable assets that were skipped, as `pool/name`, sorted.

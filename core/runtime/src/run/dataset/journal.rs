@@ -79,16 +79,30 @@ pub enum Notice {
     Unlit,
     /// No object has a visible pixel in any view.
     Unlabeled,
+    /// The camera of every view is outside the room, and the scene is black or unlabeled.
+    Outside,
 }
 
 impl Notice {
-    /// Message about a scene.
-    pub fn text(self) -> &'static str {
+    /// The notices to report of all notices of a scene: the others are causes of these.
+    pub fn reported(all: &BTreeSet<Self>) -> impl Iterator<Item = Self> {
+        let is_cause = |notice: Self| match notice {
+            Self::Outside => true,
+            Self::Unlit | Self::Unlabeled => all.contains(&Self::Black),
+            Self::Black | Self::White => false,
+        };
+        all.iter().copied().filter(move |&notice| !is_cause(notice))
+    }
+
+    /// Message about a scene with these notices.
+    pub fn text(self, all: &BTreeSet<Self>) -> &'static str {
         match self {
+            Self::Black if all.contains(&Self::Unlabeled) => "all images are black, and no object has a visible pixel",
             Self::Black => "all images are black",
             Self::White => "all images are white",
             Self::Unlit => "no light: no view has a light, and no material emits light",
             Self::Unlabeled => "no object has a visible pixel in any view",
+            Self::Outside => "the camera is outside the room in every view",
         }
     }
 
@@ -99,6 +113,7 @@ impl Notice {
             Self::White => "the image is white",
             Self::Unlit => "no light",
             Self::Unlabeled => "no object has a visible pixel",
+            Self::Outside => "the camera is outside the room",
         }
     }
 
@@ -110,7 +125,7 @@ impl Notice {
                  [[lights]]"
             }
             Self::White => "the view is overexposed: check the intensity of [[lights]] and the exposure in [camera]",
-            Self::Unlabeled => {
+            Self::Unlabeled | Self::Outside => {
                 "the camera may be outside the room, look past the objects or be behind an object: check [views] and \
                  the sizes in [[place]]"
             }
@@ -123,13 +138,29 @@ impl Notice {
         self == Self::Unlabeled
     }
 
-    /// Remedy.
-    pub fn help(self) -> &'static str {
+    /// The cause that is certain or most likely with these notices of a scene, and the remedy.
+    pub fn help(self, all: &BTreeSet<Self>) -> &'static str {
+        let has = |notice: Self| all.contains(&notice);
         match self {
-            Self::Black => "check [[lights]], the exposure in [camera], and objects right in front of the camera",
+            Self::Black | Self::Unlit if has(Self::Unlit) => {
+                "no light: no view has a light, and no material emits light; add a [[lights]] table, or raise a `count` \
+                 that is 0"
+            }
+            Self::Black | Self::Unlabeled | Self::Outside if has(Self::Outside) => {
+                "the camera is outside the room in every view: check [views] and the size of the room in [[place]]"
+            }
+            Self::Black if has(Self::Unlabeled) => {
+                "the camera may be behind a wall or inside an object: check [views] and the sizes in [[place]]"
+            }
+            Self::Black => {
+                "the light may be too weak or hidden: check [[lights]], the exposure in [camera], and objects right in \
+                 front of the camera"
+            }
             Self::White => "lower the intensity of [[lights]], or check the exposure in [camera]",
             Self::Unlit => "add a [[lights]] table",
-            Self::Unlabeled => "check [views], and objects that may hide the table",
+            Self::Unlabeled | Self::Outside => {
+                "the objects are outside the views or hidden: check [views], and bodies that may hide the table"
+            }
         }
     }
 }

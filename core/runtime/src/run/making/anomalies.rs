@@ -2,9 +2,10 @@
 
 use crate::run::dataset::journal::Notice;
 use std::collections::{BTreeMap, BTreeSet};
+use syntable_model::geometry::{Aabb, Point3};
 use syntable_model::product::Products;
 use syntable_model::product::standard::{RADIANCE, RGB, VISIBLE_MASK};
-use syntable_model::scene::{Body, Material, Scene, View};
+use syntable_model::scene::{Body, Material, Role, Scene, View};
 
 /// At most one pixel in this number is darker than white in an overexposed image. Noise leaves single darker pixels.
 const DARKER: usize = 100;
@@ -21,6 +22,8 @@ pub struct AnomalyScan {
     unlabeled: Vec<u32>,
     /// Whether a view has a light.
     lights: bool,
+    /// Places of the cameras.
+    cameras: Vec<Point3<f64>>,
 }
 
 /// The anomalies of a scene.
@@ -38,6 +41,7 @@ impl AnomalyScan {
     /// Looks at a view. Views come in order.
     pub fn look(&mut self, view: &View, products: &Products) {
         self.lights |= !view.lights.is_empty();
+        self.cameras.push(view.camera.world_from_camera.translation.vector.into());
         let image = match (products.get(RGB), products.get(RADIANCE)) {
             (Ok(image), _) => {
                 // Both stop as soon as the answer is known.
@@ -79,8 +83,25 @@ impl AnomalyScan {
                 odd.views.insert(notice, views);
             }
         }
+        odd.looked_at.extend(odd.looked_at.first().map(|_| Notice::Outside));
+        let is_dark = [Notice::Black, Notice::Unlabeled].iter().any(|notice| odd.scene.contains(notice));
+        if is_dark && self.cameras.iter().all(|camera| is_outside(scene, camera)) {
+            odd.scene.insert(Notice::Outside);
+        }
         odd
     }
+}
+
+/// Thickness from which a room is more than a floor, meters.
+const ROOM_M: f64 = 0.5;
+
+/// Whether a scene has a room, and a camera is not in it.
+fn is_outside(scene: &Scene, camera: &Point3<f64>) -> bool {
+    let parts = scene.bodies().iter().filter(|body| body.role == Role::Room);
+    let room = parts.fold(Aabb::empty(), |room, part| room.union(part.world_bounds()));
+    !room.is_empty()
+        && room.max.z - room.min.z > ROOM_M
+        && (0..3).any(|axis| camera[axis] < room.min[axis] || camera[axis] > room.max[axis])
 }
 
 fn emits(body: &Body) -> bool {

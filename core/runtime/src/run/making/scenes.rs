@@ -37,6 +37,8 @@ pub struct MadeScenes {
     pub grown: u32,
     /// Number of earlier scenes that stay as they were, because they could not be extended or repaired.
     pub lacking: u32,
+    /// Anomalies of whole scenes that the run has reported with their remedies.
+    pub told: BTreeSet<Notice>,
 }
 
 /// Makes the scenes of a run. From here on the dataset changes.
@@ -62,7 +64,7 @@ pub fn make(
     let journal = Mutex::new(journal);
     let made_aside = aside.as_ref().map_or(0, |aside| aside.entry.views());
     aside.map_or(Ok(()), |aside| aside.adopt(&folder, &journal))?;
-    let mut lacking = 0;
+    let (mut lacking, mut told) = (0, BTreeSet::new());
     if let Some(store) = assets.filter(|_| !todo.scenes.is_empty()) {
         let drawn =
             journal.lock().entries().values().flat_map(|entry| entry.assets.clone()).collect::<BTreeMap<_, _>>();
@@ -70,7 +72,7 @@ pub fn make(
         if made.is_err() {
             let _ = folder.drop_parts();
         }
-        lacking = made?;
+        (lacking, told) = made?;
     }
     // The dataset takes the recipe even without a scene to make.
     folder.accept_recipe(&mut journal.lock())?;
@@ -80,10 +82,11 @@ pub fn make(
     let new = made_aside + whole.filter_map(|(scene, _)| entry_of(scene)).map(JournalEntry::views).sum::<u32>();
     let changed = |(scene, job): &(&u32, &Job)| job.lacks.is_some() && entry_of(scene) != job.present.as_ref();
     let grown = todo.scenes.iter().filter(changed).count() as u32;
-    Ok(MadeScenes { folder, journal, resolved, new, grown, lacking })
+    Ok(MadeScenes { folder, journal, resolved, new, grown, lacking, told })
 }
 
-/// Makes the scenes on the list of work. Returns the number of scenes that stay as they were.
+/// Makes the scenes on the list of work. Returns the number of scenes that stay as they were, and the reported anomalies
+/// of whole scenes.
 fn make_scenes(
     recipe: &Recipe,
     options: &RunOptions,
@@ -92,7 +95,7 @@ fn make_scenes(
     pool: &Pool,
     (folder, journal): (&Folder, &Mutex<Journal>),
     todo: &Todo,
-) -> Result<u32> {
+) -> Result<(u32, BTreeSet<Notice>)> {
     let (log, start) = (Warnings(reporter), Instant::now());
     let in_flight = scenes_in_flight(recipe, options.threads, todo.scenes.len());
     let works = Works::new(recipe, todo);
@@ -187,7 +190,8 @@ impl SceneWork<'_> {
             return Ok(());
         }
         let entry = folder.commit(made.entry, made.kept, made.written, self.journal)?;
-        warn_of_scene(self.todo, &entry, &self.notices, self.maker.tools.log);
+        let is_last = self.progress.lock().taken >= self.tasks.len();
+        warn_of_scene(self.todo, &entry, &self.notices, is_last, self.maker.tools.log);
         if entry.failed() || std::mem::replace(&mut self.progress.lock().is_rehearsed, true) {
             return Ok(());
         }
@@ -215,7 +219,7 @@ impl SceneWork<'_> {
 
     /// Commits the held scenes, or returns the error that ended the work. `noted` is the result of writing the working
     /// times.
-    fn conclude(self, noted: Result<()>) -> Result<u32> {
+    fn conclude(self, noted: Result<()>) -> Result<(u32, BTreeSet<Notice>)> {
         let (folder, progress) = (self.maker.folder, self.progress.into_inner());
         if let Some(reason) = self.maker.tools.stop.requested() {
             let (made, all) = (progress.made, self.tasks.len());
@@ -235,7 +239,7 @@ impl SceneWork<'_> {
         for made in progress.held {
             folder.commit(made.entry, made.kept, made.written, self.journal)?;
         }
-        Ok(progress.lacking)
+        Ok((progress.lacking, self.notices.scenes.into_inner()))
     }
 }
 
@@ -246,11 +250,13 @@ struct ReportedNotices {
     views: Mutex<BTreeSet<Notice>>,
 }
 
-/// Warns of the anomalies of a scene, once per kind, and of a scene that differs after it was made again.
-fn warn_of_scene(todo: &Todo, entry: &JournalEntry, odd: &ReportedNotices, log: &dyn Log) {
-    for &notice in &entry.notices {
+/// Warns of the anomalies of a scene, once per kind, and of a scene that differs after it was made again. If `is_last`,
+/// the end of the run soon names the anomalies of whole scenes.
+fn warn_of_scene(todo: &Todo, entry: &JournalEntry, odd: &ReportedNotices, is_last: bool, log: &dyn Log) {
+    let all = &entry.notices;
+    for notice in Notice::reported(all).filter(|_| !is_last) {
         if odd.scenes.lock().insert(notice) {
-            log.warn(&Error::new(notice.text()).help(notice.help()).context(format!("scene {}", entry.scene)));
+            log.warn(&Error::new(notice.text(all)).help(notice.help(all)).context(format!("scene {}", entry.scene)));
         }
     }
     for (&notice, views) in entry.odd_views.iter().filter(|(notice, _)| !notice.may_be_meant()) {
