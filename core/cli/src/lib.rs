@@ -16,7 +16,7 @@ pub use clap;
 pub use console::Console;
 pub use exit::Exit;
 pub use flags::with_flags;
-pub use outputs::{check_outputs};
+pub use outputs::{OutputFile, check_outputs};
 pub use signals::{Ends, ended, on_signals};
 pub use syntable_model::inventory;
 pub use syntable_recipe::message::Message;

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
 use syntable_cli::{
-    Console, Ends, Exit, Message, TRUST_PATHS, Topic, Verb, amount, check_outputs, ended, on_signals, threads,
+    Console, Ends, Exit, Message, OutputFile, TRUST_PATHS, Topic, Verb, amount, check_outputs, ended, on_signals,
+    threads,
 };
 use syntable_evaluate::masked_object::Occluded;
 use syntable_evaluate::measure::{MetricKind, linked};
@@ -115,6 +116,11 @@ fn command() -> Command {
                 .help("Score by which images are the worst, as --json names it [default: amodal_overlap_f]"),
         )
         .arg(
+            flag("overwrite")
+                .action(ArgAction::SetTrue)
+                .help("Replace the files of --csv and --save even if `eval` did not write them"),
+        )
+        .arg(
             flag("threads")
                 .value_name("N")
                 .value_parser(value_parser!(u16).range(1..=1024))
@@ -139,7 +145,11 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> std::r
         dataset_folder(registry, gt),
         if ResultFile::is_one(pred) { pred.clone() } else { dataset_folder(registry, pred) },
     ];
-    check_outputs(&[("--csv", path("csv")), ("--save", path("save"))], &read.each_ref().map(PathBuf::as_path))?;
+    let outputs = [
+        OutputFile { option: "--csv", path: path("csv"), start: b"image,objects,predictions" },
+        OutputFile { option: "--save", path: path("save"), start: b"{\"images\":" },
+    ];
+    check_outputs(&outputs, &read.each_ref().map(PathBuf::as_path), arguments.get_flag("overwrite"))?;
     let is_paper = text("convention").is_some_and(|name| name == Convention::Paper.name());
     let source = |path: &PathBuf| Source::new(path).trusting(arguments.get_flag("trust-paths"));
     let defaults = EvaluateOptions::new(source(gt), source(pred));

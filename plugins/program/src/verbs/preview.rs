@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, value_parser};
-use syntable_cli::{Console, Ends, Exit, Message, RecipeArgs, Verb, check_outputs, ended, on_signals, threads, with_flags};
+use syntable_cli::{
+    Console, Ends, Exit, Message, OutputFile, RecipeArgs, Verb, check_outputs, ended, on_signals, threads, with_flags,
+};
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
 use syntable_report::preview::{PassEnd, Preview, PreviewOptions};
@@ -76,7 +78,12 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     let serve = arguments.get_flag("serve").then(|| arguments.get_one::<u16>("port").copied().unwrap_or_default());
     let out = arguments.get_one::<PathBuf>("out").cloned();
     let out = out.or_else(|| serve.is_none().then(|| PreviewOptions::default_out(recipe.recipe.as_deref())));
-    check_outputs(&[("--out", out.as_ref())], recipe.recipe.as_deref().as_slice())?;
+    let sheet = OutputFile { option: "--out", path: out.as_ref(), start: b"" };
+    check_outputs(&[sheet], recipe.recipe.as_deref().as_slice(), false)?;
+    if let Some(path) = out.as_ref().filter(|path| !path.extension().is_some_and(|it| it.eq_ignore_ascii_case("png"))) {
+        let error = Error::new("--out names no PNG file, and the sheet is one").in_file(path);
+        return Err(Exit::wrong(error.help(format!("name it {}", path.with_extension("png").display()))));
+    }
     let options = PreviewOptions {
         recipe: recipe.request(),
         scenes: arguments.get_one::<SceneRange>("scenes").copied(),

@@ -3,7 +3,7 @@
 use super::arguments;
 use std::path::{Path, PathBuf};
 use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_cli::{Console, Ends, Exit, Verb, check_outputs, ended, on_signals};
+use syntable_cli::{Console, Ends, Exit, OutputFile, Verb, check_outputs, ended, on_signals};
 use syntable_model::reader::Source;
 use syntable_model::registry::Registry;
 use syntable_report::stats::distribution::Binning;
@@ -61,6 +61,11 @@ fn command() -> Command {
                 .value_parser(value_parser!(PathBuf))
                 .help("Write one line per image to a CSV file"),
         )
+        .arg(
+            flag("overwrite")
+                .action(ArgAction::SetTrue)
+                .help("Replace the file of --csv even if `stats` did not write it"),
+        )
         .arg(arguments::threads("Worker threads. Default: all cores. The statistics do not depend on their number"))
         .after_help(
             "Examples:
@@ -86,9 +91,13 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     let datasets: Vec<&PathBuf> = arguments.get_many("dataset").into_iter().flatten().collect();
     let folders: Vec<PathBuf> = datasets.iter().map(|path| dataset_folder(registry, path)).collect();
     let read: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
-    check_outputs(&[("--csv", arguments.get_one("csv"))], &read)?;
+    let csv = OutputFile { option: "--csv", path: arguments.get_one("csv"), start: b"dataset,image,id," };
+    check_outputs(&[csv], &read, arguments.get_flag("overwrite"))?;
     let sources: Vec<Source> = datasets.iter().map(|path| arguments::source(path, arguments)).collect();
-    let (pool, stop) = (Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?, on_signals(console, Ends::Work("nothing is written"))?);
+    let (pool, stop) = (
+        Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?,
+        on_signals(console, Ends::Work("nothing is written"))?,
+    );
     let work = ImageWork { workers: &pool, reporter: console.reporter(), stop: &stop };
     let found = compare(registry, &sources, text("format"), &options, &work).map_err(|error| ended(&stop, error))?;
     if let Some(file) = arguments.get_one::<PathBuf>("csv") {
