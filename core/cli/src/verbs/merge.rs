@@ -5,8 +5,12 @@ use crate::console::Console;
 use crate::exit::Exit;
 use crate::signals::{Ends, ended, on_signals};
 use clap::Args;
-use std::path::PathBuf;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use syntable_model::error::Error;
 use syntable_model::registry::Registry;
+use syntable_runtime::run::dataset::journal::Journal;
+use syntable_runtime::run::progress::count;
 use syntable_runtime::{run, workers};
 
 #[derive(Args)]
@@ -16,10 +20,33 @@ pub(crate) struct MergeArgs {
     /// Folders of the parts, made from one recipe with different `--scenes`.
     #[arg(required = true)]
     parts: Vec<PathBuf>,
+    /// Add the parts to a dataset that already has other scenes.
+    #[arg(long)]
+    extend: bool,
 }
 
 pub(crate) fn merge(console: &Console, registry: &Registry, args: &MergeArgs) -> Result<(), Exit> {
+    if !args.extend {
+        is_no_part(&args.out, &args.parts)?;
+    }
     let stop = on_signals(console, Ends::Work("merged scenes are kept, and the same command continues"))?;
     let merged = run::merge(registry, &args.out, &args.parts, workers::available(), &stop, console.reporter());
-    end_of(&merged.map_err(|error| ended(&stop, error))?, &args.out)
+    end_of(console, &merged.map_err(|error| ended(&stop, error))?, &args.out)
+}
+
+/// Refuses an output folder with scenes that no part has: the output was probably forgotten, and the folder is the first
+/// part. After an interrupted merge, all its scenes come from the parts.
+fn is_no_part(out: &Path, parts: &[PathBuf]) -> Result<(), Exit> {
+    // Unreadable journals are errors of the merge.
+    let scenes = |folder: &Path| -> BTreeSet<u32> {
+        Journal::entries_of(folder).map(|entries| entries.into_keys().collect()).unwrap_or_default()
+    };
+    let of_parts: BTreeSet<u32> = parts.iter().flat_map(|part| scenes(part)).collect();
+    let own = scenes(out).difference(&of_parts).count();
+    if own == 0 {
+        return Ok(());
+    }
+    let error = Error::new(format!("the output folder has {} that no part has", count(own as u32, "scene")));
+    let help = "name the folder of the merged dataset first, then all parts; --extend adds the parts to this dataset";
+    Err(Exit::wrong(error.in_file(out).help(help)))
 }

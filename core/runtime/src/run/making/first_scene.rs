@@ -62,6 +62,10 @@ fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &dyn R
         Err(error) => {
             folder.files().remove_all(&ahead)?;
             let stays = "the old dataset stays as it was";
+            if let Some(reason) = options.stop.requested() {
+                let message = format!("stopped by {reason} before the first scene of the new dataset was made");
+                return Err(Error::stopped(message).help(format!("{stays}; the same command begins again")));
+            }
             let help = error.help_text().map_or_else(|| stays.to_owned(), |help| format!("{stays}; {help}"));
             Err(error.help(help))
         }
