@@ -5,6 +5,7 @@ use crate::exit::Exit;
 use crate::progress::{Human, JsonLines};
 use clap::ValueEnum;
 use std::io::{IsTerminal, Write};
+use std::path::Path;
 use std::sync::Arc;
 use syntable_model::registry::Registry;
 use syntable_recipe::message::Message;
@@ -50,9 +51,18 @@ impl Console {
 
     /// Prints a result. A closed pipe is not an error.
     pub fn print(&self, text: &str) -> Result<(), Exit> {
-        match std::io::stdout().write_all(text.as_bytes()) {
+        let mut out = std::io::stdout();
+        match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
             Err(error) => Exit::if_not_printed(&error),
             Ok(()) => Ok(()),
+        }
+    }
+
+    /// Prints the path of a dataset for people. Programs read it from the last event.
+    pub(crate) fn print_place(&self, place: &Path) -> Result<(), Exit> {
+        match self.format {
+            LogFormat::Human => self.print(&format!("{}\n", place.display())),
+            LogFormat::Json => Ok(()),
         }
     }
 

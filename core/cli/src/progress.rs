@@ -156,7 +156,7 @@ impl Reporter for Human {
             Event::Message(record) => self.say(&record.line()),
             Event::Note { message } => self.say(&format!("note: {message}")),
             Event::Stages { .. } => {}
-            Event::Finished { out, scenes, failed, images, made, grown, seconds } => {
+            Event::Finished { scenes, failed, images, made, grown, seconds, .. } => {
                 if let Some(bar) = &self.bar {
                     bar.finish_and_clear();
                 }
@@ -168,7 +168,6 @@ impl Reporter for Human {
                 }
                 let (scenes, images) = (count(*scenes, "scene"), count(*images, "image"));
                 print_line(&format!("made {made} in {time}; the dataset has {scenes}, {images}{failures}"));
-                let _ = writeln!(std::io::stdout(), "{out}");
             }
         }
     }

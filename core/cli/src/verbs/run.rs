@@ -66,11 +66,12 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Res
         )
     };
     let outcome = run_recipe(&recipe, &options, console.reporter()).map_err(|error| ended(&stop, error))?;
-    end_of(&outcome, &options.out.name())
+    end_of(console, &outcome, &options.out.name())
 }
 
 /// Ends a verb that made a dataset: exit code 3 and the reasons if the dataset is incomplete.
-pub(crate) fn end_of(outcome: &RunOutcome, out: &Path) -> Result<(), Exit> {
+pub(crate) fn end_of(console: &Console, outcome: &RunOutcome, out: &Path) -> Result<(), Exit> {
+    console.print_place(out)?;
     let failed = (outcome.failed > 0).then(|| {
         Error::new(format!("{} failed", count(outcome.failed, "scene")))
             .in_file(out.join(".syntable/journal.jsonl"))
