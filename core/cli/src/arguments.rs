@@ -18,7 +18,7 @@ pub struct RecipeArgs {
     #[arg(long)]
     pub seed: Option<u64>,
     /// Views per scene: short for `--set dataset.views_per_scene=N`.
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     pub views: Option<u32>,
 }
 

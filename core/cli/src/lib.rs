@@ -23,6 +23,7 @@ pub use syntable_recipe::message::Message;
 pub use verb::{CliVerb, Topic, Verb};
 pub use verbs::list::products;
 
+use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::LogFormat;
 use std::collections::BTreeMap;
@@ -181,7 +182,7 @@ impl Program {
             Ok(matches) => matches,
             // Help and version are results, too.
             Err(page) if !page.use_stderr() => return ended_with(&Console::new(LogFormat::Human), page_printed(&page)),
-            Err(error) => error.exit(),
+            Err(error) => with_verb(error).exit(),
         };
         let format = matches.get_one::<LogFormat>("log_format").copied().unwrap_or(LogFormat::Human);
         let console = Console::new(format);
@@ -236,6 +237,32 @@ fn refused(clash: String) -> ExitCode {
     ExitCode::from(2)
 }
 
+/// Words for a verb that users try, and the verb.
+const WORDS: [(&str, &[&str]); 8] = [
+    (
+        "run",
+        &["generate", "gen", "render", "make", "build", "create", "start", "simulate", "resume", "continue", "repair"],
+    ),
+    ("convert", &["export", "transform", "translate"]),
+    ("merge", &["join", "combine", "concat"]),
+    ("stats", &["statistics", "info", "describe", "inspect"]),
+    ("eval", &["evaluate", "score", "metrics"]),
+    ("view", &["show", "serve", "browse", "open", "visualize"]),
+    ("check", &["lint", "test"]),
+    ("new", &["init", "template"]),
+];
+
+/// An error of the parser that names the verb for an unknown word. The parser itself finds only misspelled verbs.
+fn with_verb(mut error: clap::Error) -> clap::Error {
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else { return error };
+    let meant = WORDS.iter().find(|(_, words)| words.contains(&word.as_str()));
+    if let Some((verb, _)) = meant {
+        let tip = format!("did you mean `syntable {verb}`?");
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    }
+    error
+}
+
 /// Prints a page of help, or the version.
 fn page_printed(page: &clap::Error) -> Result<(), Exit> {
     let printed = page.print().and_then(|()| std::io::stdout().flush());
@@ -282,6 +309,19 @@ mod tests {
     #[test]
     fn the_command_line_is_valid() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn verbs_of_other_tools_are_understood() {
+        for (verb, words) in WORDS {
+            for word in words {
+                let error = with_verb(Cli::command().try_get_matches_from(["syntable", word]).expect_err("unknown"));
+                let said = error.to_string();
+                assert!(said.contains(&format!("tip: did you mean `syntable {verb}`?")), "{said}");
+            }
+        }
+        let error = with_verb(Cli::command().try_get_matches_from(["syntable", "xyzzy"]).expect_err("unknown"));
+        assert!(!error.to_string().contains("did you mean"), "{error}");
     }
 
     #[test]

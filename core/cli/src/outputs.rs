@@ -35,7 +35,7 @@ impl OutputFile<'_> {
 pub fn check_outputs(outputs: &[OutputFile], inputs: &[&Path], overwrite: bool) -> Result<(), Exit> {
     let there: Vec<(&OutputFile, &str, &Path)> =
         outputs.iter().filter_map(|it| it.path.map(|path| (it, it.option, path.as_path()))).collect();
-    for (number, &(output, option, path)) in there.iter().enumerate() {
+    for (number, &(_, option, path)) in there.iter().enumerate() {
         let own = whole(path);
         let refuse = |what: String| {
             let error = Error::new(format!("{option} would {what}")).in_file(path);
@@ -57,6 +57,8 @@ pub fn check_outputs(outputs: &[OutputFile], inputs: &[&Path], overwrite: bool) 
                 });
             }
         }
+    }
+    for &(output, option, path) in &there {
         if !overwrite && output.is_foreign(path) {
             let error = Error::new(format!("{option} would replace a file that this verb did not write")).in_file(path);
             return Err(Exit::wrong(error.help(format!("name another file with {option}, or add --overwrite"))));

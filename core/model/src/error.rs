@@ -78,7 +78,10 @@ impl Error {
     pub fn io(file: impl AsRef<Path>, error: &std::io::Error) -> Self {
         // Rust has no stable kind for it: a cycle of links.
         let kind = if error.raw_os_error() == Some(ELOOP) { ErrorKind::InvalidInput } else { error.kind() };
-        Self { cause: Cause::Io(kind), ..Self::new(error.to_string().to_lowercase()).in_file(file) }
+        let text = error.to_string().to_lowercase();
+        // The number of the operating system tells users nothing.
+        let text = text.split(" (os error ").next().unwrap_or(&text);
+        Self { cause: Cause::Io(kind), ..Self::new(text).in_file(file) }
     }
 
     /// A failure of a device, for example a lost device or one that ran out of memory. The device is opened again, and

@@ -118,8 +118,15 @@ fn asked_writers<'a>(registry: &'a Registry, options: &ConvertOptions) -> Result
     let ConvertOptions { to, set, .. } = options;
     let writers: Vec<_> = to.iter().map(|kind| RequestedWriter::new(registry, kind, set)).collect::<Result<_>>()?;
     if let Some(set) = set.iter().find(|set| !to.iter().any(|kind| option_of(set, kind).is_some())) {
-        let error = Error::new(format!("`options.set` {set}: no writer of `options.to` has this name"));
-        return Err(error.help("write it as `KIND.KEY=VALUE`").of_request());
+        let kind = to.first().map_or("KIND", String::as_str);
+        let (what, help) = match set.split_once('=') {
+            None => ("the option or its value is missing", format!("write `{kind}.KEY=VALUE`")),
+            Some((key, _)) if !key.contains('.') => {
+                ("the name of a writer is missing", format!("write `{kind}.{set}`"))
+            }
+            Some(_) => ("no writer of `options.to` has this name", "write it as `KIND.KEY=VALUE`".to_owned()),
+        };
+        return Err(Error::new(format!("`options.set` {set}: {what}")).help(help).of_request());
     }
     if to.iter().collect::<BTreeSet<_>>().len() < to.len() {
         return Err(Error::new("`options.to` repeats a kind").help("name each once"));
@@ -155,14 +162,16 @@ impl<'a> RequestedWriter<'a> {
         let given: Vec<&str> = set.iter().filter_map(|set| option_of(set, kind)).collect();
         let key = |option: &str| option.split(['=', '.']).next().unwrap_or_default().trim().to_owned();
         let text: String = given.iter().map(|option| format!("{option}\n")).collect();
-        let refuse = |message: String| Error::new(message).help(format!("`syntable list {kind}` shows the options"));
+        let listed = format!("`syntable list {kind}` shows the options");
+        let refuse = |message: String| Error::new(message).help(listed.clone());
         let constructed = entry.construct_str(&text).map_err(|error| match error {
             ConstructError::Form(error) => refuse(format!("`options.set` {kind}: {}", error.message())),
             ConstructError::Invalid(invalid) => {
                 // The text as given, with the value.
                 let name = invalid.key.split(['.', '[']).next().unwrap_or_default();
                 let as_given = given.iter().find(|option| key(option) == name).copied().unwrap_or(&invalid.key);
-                refuse(format!("`options.set` {kind}.{as_given}: {}", invalid.message))
+                let error = Error::new(format!("`options.set` {kind}.{as_given}: {}", invalid.message));
+                error.help(invalid.help.as_ref().map_or_else(|| listed.clone(), |help| format!("{help}; {listed}")))
             }
         })?;
         let given = given.iter().map(|option| key(option)).collect();

@@ -1,6 +1,6 @@
 //! The verbs, as a new user types them.
 
-use crate::support::{fails, ok, root, small_run, syntable};
+use crate::support::{fails, ok, root, small_run, syntable, text};
 use std::process::Stdio;
 use syntable::{DiskCache, GenerateOptions, Quiet, RecipeRequest, RunOptions, generate};
 use syntable_model::registry::Registry;
@@ -480,4 +480,36 @@ fn sections_without_a_kind_have_the_default_kind() {
     // No advice that the option would refuse.
     std::fs::write(&plain, recipe(["", "", "", ""]).replace("count = 3", "count = \"3x4\"")).expect("writable");
     assert!(!fails(syntable().arg("check").arg(&plain), 2).contains("write [3, 4]"));
+}
+
+#[test]
+fn mistakes_in_flags_name_them_and_the_words_to_write() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out").display().to_string();
+    let data = root().join("tests/fixtures").display().to_string();
+    for (arguments, says) in [
+        (vec!["generate"], "did you mean `syntable run`?"),
+        (vec!["run", "--out", &out, "--views", "0"], "--views"),
+        (vec!["run", "--out", &out, "--scenes", "-1"], "`-1` is not a scene number; write 0 for the first scene"),
+        (vec!["run", "--out", &out, "--set", "dataset.scenes=[3]"], "this is an array; write 3"),
+        (vec!["run", "none.toml", "--out", &out], "none.toml: no such file or directory"),
+        (vec!["convert", &data, "--out", &out, "--to", "coco", "--set", "coco"], "write `coco.KEY=VALUE`"),
+        (vec!["convert", &data, "--out", &out, "--to", "coco", "--set", "masks='visible'"], "write `coco.masks="),
+        (vec!["convert", &data, "--out", &out, "--to", "coco", "--set", "coco.masks='amodl'"], "one of `visible`"),
+        (vec!["preview", "--out", "sheet.jpg"], "name it sheet.png"),
+    ] {
+        let said = fails(syntable().args(&arguments), 2);
+        assert!(said.contains(says) && !said.contains("os error"), "{arguments:?}: {said}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_path_that_cannot_be_printed_is_an_error() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let full = std::fs::File::options().write(true).open("/dev/full").expect("there");
+    let mut run = small_run(&folder.path().join("data"), &["--scenes", "0"]);
+    let output = run.stdout(full).output().expect("starts");
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert!(text(&output).contains("standard output: no space left"), "{}", text(&output));
 }

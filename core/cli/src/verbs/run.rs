@@ -23,7 +23,7 @@ pub(crate) struct RunArgs {
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Make only these scenes: `A..B` (without B), `A..`, `..B`, or one number.
-    #[arg(long, value_name = "A..B", value_parser = str::parse::<SceneRange>)]
+    #[arg(long, allow_hyphen_values = true, value_name = "A..B", value_parser = str::parse::<SceneRange>)]
     scenes: Option<SceneRange>,
     /// Worker threads. Default: all cores. The dataset does not depend on their number.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]

@@ -154,9 +154,17 @@ fn type_label(wanted: Option<TomlType>, found: TomlType, text: &str) -> String {
         (Some(TomlType::Boolean), TomlType::String) if text == "true" || text == "false" => {
             format!("{this}; write it without quotes")
         }
+        (Some(TomlType::Integer | TomlType::Float), TomlType::Array) if only_element(text).is_some() => {
+            format!("{this}; write {}", only_element(text).unwrap_or_default())
+        }
         (Some(TomlType::Array), _) => format!("{this}; put it in `[ ]` for an array of one"),
         _ => this,
     }
+}
+
+/// The element of an array of one number, such as `[3]`.
+fn only_element(text: &str) -> Option<&str> {
+    text.strip_prefix('[')?.strip_suffix(']').map(str::trim).filter(|inner| !inner.is_empty() && !inner.contains(','))
 }
 
 /// Width and height in a text such as `640x480`.

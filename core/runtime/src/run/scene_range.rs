@@ -37,7 +37,7 @@ fn bound(text: &str) -> Result<Option<u32>, String> {
 }
 
 fn number(text: &str) -> Result<u32, String> {
-    text.parse().map_err(|_| format!("`{text}` is not a scene number"))
+    text.parse().map_err(|_| format!("`{text}` is not a scene number; write 0 for the first scene, 0..10 for ten"))
 }
 
 impl SceneRange {
