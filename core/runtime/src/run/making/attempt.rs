@@ -18,7 +18,7 @@ use syntable_model::product::standard::COVERAGE;
 use syntable_model::product::{Framing, KeyId, Products};
 use syntable_model::random::Stream;
 use syntable_model::scene::{
-    Camera, Exposure, Moment, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId,
+    Camera, Moment, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId,
 };
 use syntable_model::stage::{Atlas, Bodies, DatasetInfo, LightSampler, RenderRequest, RenderSession, Window};
 use syntable_prepare::RayScene;

@@ -108,6 +108,7 @@ impl World {
             ),
             exposure: Exposure::Auto { compensation_ev: 0.0 },
             lights: Vec::new(),
+            rig: None,
         };
         let dataset = DatasetInfo {
             name: "test".into(),
