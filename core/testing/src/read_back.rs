@@ -4,6 +4,7 @@ use crate::takes::open_dataset;
 use crate::takes::{Take, WIDTH, dataset, finish, takes, write_scenes, writer};
 use std::path::Path;
 use syntable_model::prelude::*;
+use syntable_model::product::standard::RGB;
 use syntable_model::reader::OpenDataset;
 
 /// The dataset of [`written`]: three scenes and two classes.
@@ -64,4 +65,21 @@ pub fn assert_products(
     }
     assert!(images.next().is_none(), "an image of no view");
     compared
+}
+
+/// Options of writers that store color images as JPEG files of the best quality.
+pub const JPEG: &str = "rgb = { format = \"jpeg\", quality = 100 }";
+
+/// Asserts that the color images of a dataset equal the written ones, up to the rounding of [`JPEG`].
+pub fn assert_jpeg_images(read: &OpenDataset, takes: &[Take]) {
+    for (number, image) in read.images.iter().enumerate() {
+        let views = takes.iter().flat_map(|take| take.views.iter().map(|view| (take.scene.id, view)));
+        let (_, (_, products)) =
+            views.clone().find(|(scene, (view, _))| (*scene, view.id) == (image.scene, image.view)).expect("a view");
+        let found = read.read(number, &[RGB.id()]).unwrap_or_else(|error| panic!("{}: {error}", image.name)).products;
+        let [found, want] = [&found, products].map(|of| of.get(RGB).expect("there").data().as_flattened());
+        let differ = found.iter().zip(want).map(|(a, b)| a.abs_diff(*b)).max();
+        // Rounding changes each sample by a few codes, subsampled colors would change by a hundred. PNG files do not change.
+        assert!(found.len() == want.len() && (Some(1)..=Some(6)).contains(&differ), "{}: {differ:?}", image.name);
+    }
 }

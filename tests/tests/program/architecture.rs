@@ -105,7 +105,7 @@ fn heavy_packages_stay_in_their_rooms() {
         ("obvhs", &["syntable-prepare"]),
         ("wgpu", &["syntable-render-wgpu"]),
         ("pollster", &["syntable-render-wgpu"]),
-        ("image", &["syntable-assets", "syntable-sensor", "syntable-report"]),
+        ("image", &["syntable-assets", "syntable-formats", "syntable-sensor", "syntable-report"]),
         ("exr", &["syntable-assets", "syntable-formats", "syntable-write"]),
         ("gltf", &["syntable-assets"]),
         ("base64", &["syntable-assets", "syntable-report"]),

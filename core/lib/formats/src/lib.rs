@@ -10,6 +10,7 @@
 //! | [`listing`] | the images of an annotation file in order, each with its annotations |
 //! | [`json`] | readable errors of the JSON parser |
 //! | [`shard`] | the records of one scene, kept until the annotation file is merged from all scenes |
+//! | [`depth`] | the option for the depth that a writer stores |
 //! | [`encode`] | image and array files, by kind of value |
 //! | [`decode`] | image and array files, read back |
 //! | [`members`] | members of tar files, read in any order |
@@ -34,6 +35,7 @@
 pub mod coco;
 pub mod dataset;
 pub mod decode;
+pub mod depth;
 pub mod draw;
 pub mod encode;
 pub mod include;

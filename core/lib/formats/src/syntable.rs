@@ -33,8 +33,8 @@ pub fn is_root(folder: &Path) -> bool {
 }
 
 /// Path of a view's 8-bit RGB image, relative to the dataset.
-pub fn rgb_path(scene: u32, view: u32) -> String {
-    format!("data/mono/rgb/{scene}_{view}.png")
+pub fn rgb_path(scene: u32, view: u32, extension: &str) -> String {
+    format!("data/mono/rgb/{scene}_{view}.{extension}")
 }
 
 /// Path of a view's 16-bit depth image, relative to the dataset: whole millimeters along the optical axis.

@@ -156,7 +156,7 @@ fn our_own_fields_survive_reading_and_writing() {
     let rle = Rle::encode(&small());
     let image = syntable::SynTableImage {
         id: 5,
-        file_name: syntable::rgb_path(1, 2),
+        file_name: syntable::rgb_path(1, 2, "png"),
         depth_file_name: Some(syntable::depth_path(1, 2)),
         occlusion_order_file_name: Some(syntable::occlusion_order_path(1, 2)),
         width: 4,

@@ -1,5 +1,6 @@
 //! HDF5 files in the layout of BlenderProc.
 
+use syntable_formats::depth::DepthSource;
 use syntable_formats::include::Included;
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
@@ -13,8 +14,8 @@ use syntable_model::prelude::*;
 /// | dataset | type and shape | holds |
 /// | --- | --- | --- |
 /// | `colors` | uint8 `[H, W, 3]` | the image |
-/// | `depth` | float32 `[H, W]` | meters along the optical axis; infinite without a surface |
-/// | `distance` | float32 `[H, W]` | meters from the camera's center; infinite without a surface |
+/// | `depth` | float32 `[H, W]` | meters along the optical axis; infinite without a surface, and with `depth = "sensed"` 0 without a measurement |
+/// | `distance` | float32 `[H, W]` | meters from the camera's center; missing where `depth` is, with the same value |
 /// | `normals` | float32 `[H, W, 3]` | normals `n` of the camera frame as `0.5 n + 0.5`: x right, y up, z toward the viewer |
 /// | `instance_segmaps` | unsigned `[H, W]` | id of the body at the pixel, table and room included; 0 without a body |
 /// | `category_id_segmaps` | unsigned `[H, W]` | category of that body: 1 is `object`, then the classes of pools by name; 0 for all bodies that are not objects |
@@ -36,6 +37,9 @@ pub struct Hdf5 {
     pub datasets: Vec<BlenderProcDataset>,
     /// Products of the view to write in addition.
     pub include: Included,
+    /// Depth of `depth` and `distance`.
+    #[serde(skip_serializing_if = "DepthSource::is_default")]
+    pub depth: DepthSource,
 }
 
 /// A dataset of BlenderProc.
@@ -60,7 +64,7 @@ pub enum BlenderProcDataset {
 
 impl Default for Hdf5 {
     fn default() -> Self {
-        Self { datasets: BlenderProcDataset::ALL.to_vec(), include: Included::default() }
+        Self { datasets: BlenderProcDataset::ALL.to_vec(), include: Included::default(), depth: DepthSource::default() }
     }
 }
 

@@ -4,12 +4,13 @@ use crate::file::Hdf5File;
 use crate::hdf5::{BlenderProcDataset, Hdf5};
 use crate::record::{BodyAttributes, EXTENSION, IDS_END, OBJECT_ROLE};
 use std::collections::BTreeSet;
+use syntable_formats::depth::DepthSource;
 use syntable_formats::encode::npy::{self, Array, NpyArrays};
 use syntable_formats::encode::view_name;
 use syntable_formats::writer::ImageWriter;
 use syntable_formats::{include, json};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{BODIES, CAMERA, DEPTH, INSTANCE, NORMAL, RGB};
+use syntable_model::product::standard::{BODIES, CAMERA, INSTANCE, NORMAL, RGB};
 use syntable_model::product::{Plane, Product, Scope, StatedCamera};
 
 impl ImageWriter for Hdf5 {
@@ -22,7 +23,7 @@ impl ImageWriter for Hdf5 {
         };
         let datasets = self.datasets.iter().enumerate().flat_map(|(place, dataset)| {
             let of_entry = move |input: Input| Input { option: Some(format!("datasets[{place}]")), ..input };
-            dataset.reads().into_iter().map(of_entry)
+            dataset.reads(self.depth).into_iter().map(of_entry)
         });
         datasets.chain(self.include.inputs(Accepts::when(of_view))).collect()
     }
@@ -30,7 +31,7 @@ impl ImageWriter for Hdf5 {
     fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
         let mut file = Hdf5File::new();
         for &dataset in &self.datasets {
-            dataset.add(&mut file, cx, products)?;
+            dataset.add(&mut file, self.depth, cx, products)?;
         }
         for (product, key) in self.include.of_scope(products, Scope::View) {
             add_product(&mut file, product, &key, &products.value(product)?, cx)?;
@@ -76,27 +77,27 @@ fn add_product(file: &mut Hdf5File, name: &str, key: &KeyId, value: &Value, cx: 
 }
 
 impl BlenderProcDataset {
-    fn reads(self) -> Vec<Input> {
+    fn reads(self, depth: DepthSource) -> Vec<Input> {
         match self {
             Self::Colors => vec![Input::of(RGB)],
-            Self::Depth => vec![Input::of(DEPTH)],
+            Self::Depth => vec![depth.input()],
             // In a converted dataset, this product is the only source of the camera.
-            Self::Distance => vec![Input::of(DEPTH), Input::of(CAMERA)],
+            Self::Distance => vec![depth.input(), Input::of(CAMERA)],
             Self::Normals => vec![Input::of(NORMAL)],
             Self::InstanceSegmaps => vec![Input::of(INSTANCE)],
             Self::CategoryIdSegmaps | Self::InstanceAttributeMaps => vec![Input::of(INSTANCE), Input::of(BODIES)],
         }
     }
 
-    fn add(self, file: &mut Hdf5File, cx: &ImageContext, products: &Products) -> Result<()> {
+    fn add(self, file: &mut Hdf5File, depth: DepthSource, cx: &ImageContext, products: &Products) -> Result<()> {
         let name = self.name();
         let plane = |value: Value| Array::of(&value);
         match self {
             Self::Colors => file.array(name, &plane(products.get(RGB)?.encode())?),
-            Self::Depth => file.array(name, &plane(products.get(DEPTH)?.encode())?),
+            Self::Depth => file.array(name, &plane(products.get(depth.key())?.encode())?),
             Self::Distance => file.array(
                 name,
-                &plane(distance(products.get(DEPTH)?, &StatedCamera::of(products.get(CAMERA)?)?).encode())?,
+                &plane(distance(products.get(depth.key())?, &StatedCamera::of(products.get(CAMERA)?)?).encode())?,
             ),
             Self::Normals => {
                 let coded = products.get(NORMAL)?.map(|&[x, y, z]| [x, -y, -z].map(|v| 0.5 * v + 0.5));

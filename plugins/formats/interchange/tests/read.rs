@@ -6,8 +6,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_interchange as _;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{AMODAL_MASK, BOX, CATEGORY_ID, DEPTH, OCCLUSION_MASK, RGB, VISIBLE_MASK};
+use syntable_model::product::standard::{
+    AMODAL_MASK, BOX, CATEGORY_ID, DEPTH, DEPTH_SENSED, OCCLUSION_MASK, RGB, VISIBLE_MASK,
+};
 use syntable_model::reader::{self, OpenDataset};
+use syntable_testing::read_back::{JPEG, assert_jpeg_images};
 use syntable_testing::takes::{Take, dataset, finish, open_dataset, registry, takes, write_scenes, writer};
 use syntable_testing::tools::{own_script, python};
 
@@ -101,6 +104,56 @@ fn what_is_written_is_read() {
             }
         }
         assert!(images > 5 && images == read.images.len(), "{kind}: {images}");
+    }
+}
+
+/// The option `depth` selects the measurements of a depth camera, in which 0 means no measurement.
+#[test]
+fn sensed_depth_is_written() {
+    for (kind, options, step_mm) in [
+        ("bop", "depth_scale = 0.5", 0.5),
+        ("bop", "layout = \"webdataset\"", 0.1),
+        ("osd_amodal", "", 1.0),
+        ("uoais", "", 1.0),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let takes = written(folder.path(), kind, &format!("{options}\ndepth = \"sensed\""));
+        let read = open(&folder.path().join("data"));
+        for (number, image) in read.images.iter().enumerate() {
+            let take = takes.iter().find(|take| take.scene.id == image.scene).expect("a scene");
+            let (_, products) = take.views.iter().find(|(view, _)| view.id == image.view).expect("a view");
+            let found = read.read(number, &[DEPTH.id()]).unwrap_or_else(|error| panic!("{kind}: {error}")).products;
+            let steps = |depth: &f32| {
+                if depth.is_finite() { (f64::from(*depth) * 1000.0 / step_mm).round().min(65535.0) } else { 0.0 }
+            };
+            let found = found.get(DEPTH).expect("there").map(steps);
+            assert!(found == products.get(DEPTH_SENSED).expect("there").map(steps), "{kind} {options}: {}", image.name);
+        }
+        assert!(read.images.len() > 5, "{kind} {options}");
+    }
+}
+
+/// Readers find color images in either format. All other images are PNG files.
+#[test]
+fn jpeg_images_are_read() {
+    for (kind, options) in [
+        ("coco", ""),
+        ("d2sa", ""),
+        ("kins", ""),
+        ("cocoa", ""),
+        ("yolo", ""),
+        ("uoais", ""),
+        ("coco_panoptic", ""),
+        ("insta_order", ""),
+        ("bop", "layout = \"scenewise\""),
+        ("bop", "layout = \"webdataset\""),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let takes = written(folder.path(), kind, &format!("{options}\n{JPEG}"));
+        let read = open(&folder.path().join("data"));
+        assert!(read.all_faults().is_empty(), "{kind} {options}: {:?}", read.all_faults());
+        assert_jpeg_images(&read, &takes);
+        assert!(read.images.len() > 5, "{kind} {options}");
     }
 }
 

@@ -38,9 +38,13 @@ fn kinds_pass_the_checks_of_all_writers() {
 #[test]
 fn paths_are_told_before_a_run() {
     let (takes, dataset) = (takes(), dataset(3, 3));
-    for kind in kinds() {
+    for (kind, options) in kinds().into_iter().flat_map(|kind| [(kind, ""), (kind, "rgb = { format = \"jpeg\" }")]) {
         let folder = tempfile::tempdir().expect("a folder");
-        let writer = writer(kind, "").expect("defaults");
+        let Ok(writer) = writer(kind, options) else {
+            // The evaluation that reads this format looks for PNG files.
+            assert_eq!(kind, "osd_amodal");
+            continue;
+        };
         write_scenes(folder.path(), "x", &*writer, &dataset, &takes).expect("written");
         finish(folder.path(), "x", &*writer, &dataset, &[0, 1, 2]).expect("finished");
         let of = |scene: Option<u32>, view: Option<u32>| FileOf {
@@ -60,10 +64,12 @@ fn paths_are_told_before_a_run() {
             // The number of masks is not known before writing; a view without objects has no masks.
             let is_mask = |path: &str| ["_annotation/", "/mask/", "/mask_visib/"].iter().any(|of| path.contains(of));
             let is_first = |path: &&String| !is_mask(path) || path.ends_with("_1.png") || path.ends_with("_000000.png");
-            assert!(written.keys().filter(is_first).all(|path| unique.contains(path)), "{kind}");
+            assert!(written.keys().filter(is_first).all(|path| unique.contains(path)), "{kind} {options}");
         } else {
-            assert_eq!(written.keys().collect::<BTreeSet<_>>(), unique, "{kind}");
+            assert_eq!(written.keys().collect::<BTreeSet<_>>(), unique, "{kind} {options}");
         }
+        let count = |end: &str| written.keys().filter(|path| path.ends_with(end)).count();
+        assert_eq!(count(".jpg"), if options.is_empty() { 0 } else { 9 }, "{kind} {options}");
     }
 }
 

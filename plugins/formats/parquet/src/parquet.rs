@@ -1,6 +1,7 @@
 //! Parquet tables.
 
 use crate::record;
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_formats::include::Included;
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
@@ -32,7 +33,7 @@ use syntable_model::prelude::*;
 /// repeat in the rows of its instances. Tables have no arrays per instance or per view; `npz` stores them.
 ///
 /// `image_file` is the path of the image, relative to the table's folder. With `images = "embedded"`, the row of a view
-/// has the image itself, `image`, a struct of `bytes` (PNG) and `path`, which `datasets` decodes. Tables of instances
+/// has the image itself, `image`, a struct of `bytes` (a PNG or JPEG file) and `path`, which `datasets` decodes. Tables of instances
 /// do not embed images, since each image would repeat in the rows of its instances.
 ///
 /// If category ids are included, the metadata of each table has the key `categories`: COCO's list of all categories of
@@ -50,7 +51,7 @@ use syntable_model::prelude::*;
 ///
 /// # Output
 ///
-/// In `{id}`: `{rows}/{scene:06}.parquet`, and with `images = "files"` `images/{scene:06}_{view:04}.png`.
+/// In `{id}`: `{rows}/{scene:06}.parquet`, and with `images = "files"` `images/{scene:06}_{view:04}.png` or `.jpg`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Parquet {
@@ -60,6 +61,9 @@ pub struct Parquet {
     pub include: Included,
     /// Storage of the images.
     pub images: ParquetImages,
+    /// Format of the images.
+    #[serde(skip_serializing_if = "RgbFiles::is_default")]
+    pub rgb: RgbFiles,
 }
 
 /// Scope of a row of a table.
@@ -78,7 +82,7 @@ pub enum ParquetRows {
 pub enum ParquetImages {
     /// No images.
     None,
-    /// PNG files next to the tables, with their paths in the column `image_file`.
+    /// Files next to the tables, with their paths in the column `image_file`.
     Files,
     /// In the column `image`, in tables of views only.
     Embedded,
@@ -106,7 +110,12 @@ impl Default for Parquet {
             "amodal_mask",
             "camera",
         ];
-        Self { rows: ParquetRows::Instances, include: include.into(), images: ParquetImages::Files }
+        Self {
+            rows: ParquetRows::Instances,
+            include: include.into(),
+            images: ParquetImages::Files,
+            rgb: RgbFiles::default(),
+        }
     }
 }
 
@@ -117,6 +126,7 @@ impl Config for Parquet {
         "rows = \"instances\"\ninclude = [\"object_info\", \"category_id\", \"visible_box\", \"occlusion_rate\"]";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         self.include.check_free(&record::reserved())?;
+        self.rgb.check()?;
         if (self.rows, self.images) == (ParquetRows::Instances, ParquetImages::Embedded) {
             return Err(ConfigError::new("images", "a table of instances would have each image many times")
                 .help("write `rows = \"views\"`, or `images = \"files\"`"));

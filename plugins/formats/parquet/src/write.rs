@@ -7,7 +7,7 @@ use crate::record::{
 };
 use crate::shred::ColumnType;
 use std::collections::{BTreeMap, BTreeSet};
-use syntable_formats::encode::{png, scene_name, view_name};
+use syntable_formats::encode::{scene_name, view_name};
 use syntable_formats::writer::ImageWriter;
 use syntable_formats::{coco, json};
 use syntable_model::prelude::*;
@@ -62,7 +62,7 @@ impl ImageWriter for Parquet {
     fn paths(&self, of: &FileOf) -> Vec<String> {
         match (of.scene, of.view) {
             (Some(scene), Some(view)) if self.images == ParquetImages::Files => {
-                vec![format!("{}/{}", of.id, image_path(&view_name(scene, view)))]
+                vec![format!("{}/{}", of.id, self.image_path(&view_name(scene, view)))]
             }
             (Some(scene), None) => vec![self.table_path(of.id, &scene_name(scene))],
             _ => Vec::new(),
@@ -74,11 +74,11 @@ impl Parquet {
     fn table_path(&self, id: &str, scene: &str) -> String {
         format!("{id}/{}/{scene}.{EXTENSION}", self.rows.folder())
     }
-}
 
-/// Path of an image inside the writer's folder.
-fn image_path(view: &str) -> String {
-    format!("{IMAGE_FOLDER}/{view}.png")
+    /// Path of an image inside the writer's folder.
+    fn image_path(&self, view: &str) -> String {
+        format!("{IMAGE_FOLDER}/{}", self.rgb.file_name(view))
+    }
 }
 
 /// Keys of the products of a scene and its views, by name.
@@ -145,16 +145,16 @@ impl ProductCells {
 impl Parquet {
     /// The cell of a view's image. Writes the image file, if images are files.
     fn image(&self, view: &str, products: &Products, output: &Output) -> Result<Value> {
-        let path = image_path(view);
+        let path = self.image_path(view);
         Ok(match self.images {
             ParquetImages::None => Value::Null,
             ParquetImages::Files => {
-                png::PngImage::rgb(products.get(RGB)?).write(output, &format!("{}/{path}", output.id()))?;
+                self.rgb.write(products.get(RGB)?, output, &format!("{}/{path}", output.id()))?;
                 format!("../{path}").into()
             }
             ParquetImages::Embedded => {
-                let bytes = Value::Bytes(png::PngImage::rgb(products.get(RGB)?).encode()?);
-                Value::record([(IMAGE_BYTES, bytes), (IMAGE_PATH, format!("{view}.png").into())])
+                let bytes = Value::Bytes(self.rgb.encode(products.get(RGB)?)?);
+                Value::record([(IMAGE_BYTES, bytes), (IMAGE_PATH, self.rgb.file_name(view).into())])
             }
         })
     }

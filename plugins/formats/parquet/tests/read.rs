@@ -6,7 +6,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::reader;
 use syntable_parquet as _;
-use syntable_testing::read_back::{assert_products, classes, opened, written};
+use syntable_testing::read_back::{JPEG, assert_jpeg_images, assert_products, classes, opened, written};
 use syntable_testing::takes::open_dataset;
 
 /// The part of a record that tables keep: the fields with columns.
@@ -54,6 +54,15 @@ fn products_come_back_and_labels_follow() {
         // Tables of instances have no rows for images without instances.
         let compared = assert_products(&read, &takes, options.contains("views"), part);
         assert!(compared > 60, "{options}: {compared}");
+    }
+}
+
+#[test]
+fn jpeg_images_are_read() {
+    for options in ["", "rows = \"views\"\nimages = \"embedded\""] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let takes = written(folder.path(), "parquet", &format!("{options}\n{JPEG}"));
+        assert_jpeg_images(&opened(folder.path(), "parquet"), &takes);
     }
 }
 

@@ -6,7 +6,7 @@ use syntable_model::product::standard::*;
 use syntable_model::reader;
 #[cfg(unix)]
 use syntable_testing::hostile::{links_lead_nowhere_else, pipes_are_not_waited_for};
-use syntable_testing::read_back::{assert_products, classes, opened, written};
+use syntable_testing::read_back::{JPEG, assert_jpeg_images, assert_products, classes, opened, written};
 use syntable_testing::takes::{open_dataset, registry};
 use syntable_write as _;
 
@@ -47,6 +47,27 @@ fn products_come_back_and_labels_follow() {
             assert_eq!(read.info.categories().collect::<Vec<_>>(), classes().categories().collect::<Vec<_>>());
         }
         assert!(assert_products(&read, &takes, true, |_, value| value) > 60, "{kind} {options}");
+    }
+}
+
+#[test]
+fn sensed_depth_of_syntable_is_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let takes = written(folder.path(), "syntable", "depth = \"sensed\"");
+    let read = opened(folder.path(), "syntable");
+    let found = read.read(0, &[DEPTH.id()]).expect("readable").products;
+    let mm = |depth: &f32| if depth.is_finite() { (f64::from(*depth) * 1000.0 + 0.001).floor() } else { 0.0 };
+    let want = takes[0].views[0].1.get(DEPTH_SENSED).expect("there").map(mm);
+    assert!(found.get(DEPTH).expect("there").map(mm) == want && want.data().contains(&0.0));
+}
+
+#[test]
+fn jpeg_images_are_read() {
+    for kind in ["syntable", "webdataset"] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let takes = written(folder.path(), kind, JPEG);
+        let root = if kind == "syntable" { folder.path().to_owned() } else { folder.path().join("data") };
+        assert_jpeg_images(&opened(&root, kind), &takes);
     }
 }
 

@@ -4,12 +4,14 @@
 //! stored, or why it cannot be stored. No encoder depends on the names of products.
 
 pub mod exr;
+pub mod jpeg;
 pub mod json_shard;
 pub mod kind;
 pub mod npy;
 pub mod npz;
 pub mod pfm;
 pub mod png;
+pub mod rgb;
 pub mod tar;
 
 use syntable_model::scene::{SceneId, ViewId};

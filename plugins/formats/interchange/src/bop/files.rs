@@ -3,7 +3,7 @@
 use super::BopLayout;
 use super::record::{
     BopImage, GroundTruth, GroundTruthInfo, KEY_TO_SHARD, SAMPLE_CAMERA, SAMPLE_DEPTH, SAMPLE_GT, SAMPLE_GT_INFO,
-    SAMPLE_MASK, SAMPLE_MASK_VISIB, SAMPLE_RGB, SCENE_CAMERA, SCENE_GT, SCENE_GT_INFO, SceneCamera, shard_number,
+    SAMPLE_MASK, SAMPLE_MASK_VISIB, SCENE_CAMERA, SCENE_GT, SCENE_GT_INFO, SceneCamera, shard_number,
 };
 use serde::de::DeserializeOwned;
 use std::collections::{BTreeMap, BTreeSet};
@@ -24,7 +24,7 @@ use syntable_model::scene::ViewId;
 /// Fields of a sample with the content of [`SCENE_CAMERA`], [`SCENE_GT`] and [`SCENE_GT_INFO`] for its image.
 const RECORDS: [&str; 3] = [SAMPLE_CAMERA, SAMPLE_GT, SAMPLE_GT_INFO];
 /// Possible names of the field with the color image of a sample.
-const COLORS: [&str; 3] = [SAMPLE_RGB, "rgb.jpg", "rgb.jpeg"];
+const COLORS: [&str; 3] = ["rgb.png", "rgb.jpg", "rgb.jpeg"];
 /// Possible names of the fields with the masks of whole objects and of visible parts.
 const MASKS: [&str; 2] = [SAMPLE_MASK, SAMPLE_MASK_VISIB];
 

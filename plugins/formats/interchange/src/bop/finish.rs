@@ -303,7 +303,7 @@ fn write_scene(
             };
             let categories: Vec<_> = by_number(obj_ids).into_iter().map(category).collect();
             file.header(&family::info(dataset), &[License::of_assets()], &categories)?;
-            file.images(|images| views.iter().try_for_each(|view| images.record(&image(view))))?;
+            file.images(|images| views.iter().try_for_each(|view| images.record(&image(config, view))))?;
             file.annotations(|annotations| {
                 let shown = views.iter().flat_map(|view| view.objects.iter().map(move |object| (view, object)));
                 let shown = shown.filter_map(|(view, object)| Some((view, object, object.shown.as_ref()?)));
@@ -326,10 +326,10 @@ enum BoxOf {
     Visible,
 }
 
-fn image(view: &ViewRecord) -> CocoImage {
+fn image(config: &Bop, view: &ViewRecord) -> CocoImage {
     CocoImage {
         id: view.view.into(),
-        file_name: BopImage::Rgb.path(ViewId(view.view)),
+        file_name: BopImage::Rgb.path_as(ViewId(view.view), config.rgb.extension()),
         width: view.camera.width,
         height: view.camera.height,
         license: Some(1.into()),

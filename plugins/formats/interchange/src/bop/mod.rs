@@ -14,6 +14,8 @@ mod write;
 
 use crate::family::write::check_split;
 use record::{MODELS, MODELS_EVAL};
+use syntable_formats::depth::DepthSource;
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_model::prelude::*;
 
 /// Writes BOP's scenewise layout or its tar files, which bop_toolkit and the methods of the BOP challenge read.
@@ -62,8 +64,8 @@ use syntable_model::prelude::*;
 /// models `models/obj_{obj_id:06}.ply`, its texture `models/obj_{obj_id:06}.png` and `models/models_info.json`, the
 /// same in `models_eval`; and in `{id}/{split}/{scene:06}`:
 ///
-/// - `rgb/{view:06}.png`: 8-bit RGB.
-/// - `depth/{view:06}.png`: 16-bit multiples of `depth_scale` along the optical axis; 0 without a surface.
+/// - `rgb/{view:06}.png`, or `.jpg`: 8-bit RGB.
+/// - `depth/{view:06}.png`: 16-bit multiples of `depth_scale` along the optical axis; 0 without a surface or measurement.
 /// - `mask/{view:06}_{object:06}.png`, `mask_visib/{view:06}_{object:06}.png`: 0 and 255; `object` counts the entries of
 ///   `scene_gt.json` from 0.
 /// - `scene_camera.json`, `scene_gt.json`, `scene_gt_info.json`.
@@ -71,7 +73,7 @@ use syntable_model::prelude::*;
 ///   have visible masks.
 ///
 /// With `layout = "webdataset"`, in `{id}/{split}_web`: `shard-000000.tar` and so on, and `key_to_shard.json`, the
-/// number of the shard of each image. A sample has the key `{scene:06}_{view:04}` and the members `rgb.png`,
+/// number of the shard of each image. A sample has the key `{scene:06}_{view:04}` and the members `rgb.png` (or `rgb.jpg`),
 /// `depth.png`, `camera.json`, `gt.json`, `gt_info.json`, `mask.json` and `mask_visib.json`: the image's entries of the
 /// files above, and the masks as uncompressed run lengths by the number of the object.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -83,12 +85,18 @@ pub struct Bop {
     /// 65535; the run counts them, and ends with exit code 3.
     #[schemars(range(min = 0.001, max = 1000.0))]
     pub depth_scale: f64,
+    /// Depth that is written.
+    #[serde(skip_serializing_if = "DepthSource::is_default")]
+    pub depth: DepthSource,
     /// Objects to list.
     pub objects: BopObjects,
     /// How images are stored.
     pub layout: BopLayout,
     /// Meshes of the assets to write.
     pub models: BopMeshes,
+    /// Files of the color images. The training images of the benchmark, BOP-PBR, are JPEG files.
+    #[serde(skip_serializing_if = "RgbFiles::is_default")]
+    pub rgb: RgbFiles,
 }
 
 /// How images are stored.
@@ -139,9 +147,11 @@ impl Default for Bop {
         Self {
             split: "train_pbr".into(),
             depth_scale: 0.1,
+            depth: DepthSource::default(),
             objects: BopObjects::Annotated,
             layout: BopLayout::Scenewise,
             models: BopMeshes::None,
+            rgb: RgbFiles::default(),
         }
     }
 }
@@ -152,6 +162,7 @@ impl Config for Bop {
     const EXAMPLE: &'static str = "split = \"train_pbr\"\ndepth_scale = 0.1";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
+        self.rgb.check()?;
         Ok(Box::new(self))
     }
 }

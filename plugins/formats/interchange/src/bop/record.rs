@@ -43,9 +43,7 @@ pub const MODELS_EVAL: &str = "models_eval";
 /// Sizes of the meshes, in each folder of meshes.
 pub const MODELS_INFO: &str = "models_info.json";
 
-/// Fields of a sample in a tar file, which hold the content of the files above for one image.
-pub const SAMPLE_RGB: &str = "rgb.png";
-/// Depth.
+/// Fields of a sample in a tar file, which hold the content of the files above for one image: depth.
 pub const SAMPLE_DEPTH: &str = "depth.png";
 /// The camera.
 pub const SAMPLE_CAMERA: &str = "camera.json";

@@ -2,8 +2,7 @@
 
 use super::record::{
     BopImage, CameraProduct, GroundTruthInfo, ObjectInfoProduct, ObjectRecord, SAMPLE_CAMERA, SAMPLE_DEPTH,
-    SAMPLE_GT_INFO, SAMPLE_MASK, SAMPLE_MASK_VISIB, SAMPLE_RGB, SCENE_FILES, SceneCamera, ViewRecord,
-    VisibilityProduct, key, read,
+    SAMPLE_GT_INFO, SAMPLE_MASK, SAMPLE_MASK_VISIB, SCENE_FILES, SceneCamera, ViewRecord, VisibilityProduct, key, read,
 };
 use super::shard::Shard;
 use super::{Bop, BopLayout, BopMeshes, BopObjects};
@@ -16,7 +15,7 @@ use syntable_formats::segmentation::UncompressedRle;
 use syntable_model::prelude::*;
 use syntable_model::product::BitPlane;
 use syntable_model::product::standard::{
-    AMODAL_MASK, CAMERA, COVERAGE, DEPTH, INSTANCE, OBJECT_INFO, OBJECT_MODELS, RGB, VISIBILITY, VISIBLE_MASK,
+    AMODAL_MASK, CAMERA, COVERAGE, INSTANCE, OBJECT_INFO, OBJECT_MODELS, RGB, VISIBILITY, VISIBLE_MASK,
 };
 use syntable_model::scene::ViewId;
 
@@ -41,7 +40,8 @@ impl BopScene {
 
     /// Writes the files of a view, and its entries in the files of the scene.
     fn write_files(&mut self, view: ViewId, of: &BopView, objects: &[BopObject]) -> Result<()> {
-        self.write(view, BopImage::Rgb, &of.rgb)?;
+        let path = BopImage::Rgb.path_as(view, self.config.rgb.extension());
+        self.output.write(&format!("{}/{path}", self.folder), &of.rgb)?;
         self.write(view, BopImage::Depth, &of.depth)?;
         for (index, object) in objects.iter().enumerate() {
             self.write(view, BopImage::Mask(index), &png::PngImage::mask(&object.amodal, u8::MAX))?;
@@ -60,7 +60,7 @@ impl BopScene {
             numbered.try_for_each(|(index, mask)| entries.push(index, &UncompressedRle::encode(&mask)))?;
             Ok(entries.finish())
         };
-        self.shard.sample(key, SAMPLE_RGB, &of.rgb.encode()?)?;
+        self.shard.sample(key, &self.config.rgb.file_name(RGB.name()), &of.rgb)?;
         self.shard.sample(key, SAMPLE_DEPTH, &of.depth.encode()?)?;
         self.shard.sample(key, SAMPLE_CAMERA, &json(&of.camera)?)?;
         self.shard.sample(key, SAMPLE_GT_INFO, &json(&of.infos)?)?;
@@ -81,7 +81,8 @@ const DEEPER: &str = "raise `depth_scale`: 0.2 mm reaches 13.1 m, 1 mm 65.5 m";
 
 /// The content of a view in either layout.
 struct BopView {
-    rgb: png::PngImage,
+    /// The file of the color image.
+    rgb: Vec<u8>,
     depth: png::PngImage,
     camera: SceneCamera,
     infos: Vec<GroundTruthInfo>,
@@ -96,9 +97,10 @@ impl SceneWriter for BopScene {
                 .help("leave distortion out of the camera's options, or write the dataset with another writer"));
         }
         let objects = self.config.objects.of(products)?;
+        let depth = products.get(self.config.depth.key())?;
         let files = BopView {
-            rgb: png::PngImage::rgb(products.get(RGB)?),
-            depth: depth_image(products.get(DEPTH)?, scale, Rounding::Nearest, (cx.log, DEEPER)),
+            rgb: self.config.rgb.encode(products.get(RGB)?)?,
+            depth: depth_image(depth, scale, Rounding::Nearest, (cx.log, DEEPER)),
             camera: camera.scene_camera(scale),
             infos: objects.iter().map(|object| object.visibility.info(object.visible.bbox())).collect(),
         };

@@ -4,7 +4,7 @@ use super::record::{BopImage, FINISHED_SCENE_FILES, SCENE_FILES};
 use super::{Bop, BopLayout, BopMeshes, BopObjects, finish, scene};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_MASK, CAMERA, COVERAGE, DEPTH, INSTANCE, OBJECT_INFO, OBJECT_MODELS, RGB, VISIBILITY, VISIBLE_MASK,
+    AMODAL_MASK, CAMERA, COVERAGE, INSTANCE, OBJECT_INFO, OBJECT_MODELS, RGB, VISIBILITY, VISIBLE_MASK,
 };
 use syntable_model::scene::SceneId;
 
@@ -18,7 +18,7 @@ impl Writer for Bop {
             BopObjects::All => vec![Input::of(COVERAGE), Input::of(INSTANCE)],
         };
         let others =
-            [Input::of(RGB), Input::of(DEPTH), Input::of(CAMERA), Input::of(OBJECT_INFO), Input::of(VISIBILITY)];
+            [Input::of(RGB), self.depth.input(), Input::of(CAMERA), Input::of(OBJECT_INFO), Input::of(VISIBILITY)];
         let models = (self.models != BopMeshes::None)
             .then(|| Input { option: Some("models".into()), ..Input::of(OBJECT_MODELS) });
         others.into_iter().chain(masks).chain(models).collect()
@@ -36,8 +36,9 @@ impl Writer for Bop {
             (Some(_), _) if self.layout == BopLayout::Webdataset => Vec::new(),
             (Some(scene), Some(view)) => {
                 let masks = [BopImage::Mask(0), BopImage::MaskVisib(0)];
-                let images = [BopImage::Rgb, BopImage::Depth].into_iter().chain(masks);
-                images.map(|image| format!("{}/{}", folder(scene), image.path(view))).collect()
+                let rgb = BopImage::Rgb.path_as(view, self.rgb.extension());
+                let others = [BopImage::Depth].into_iter().chain(masks).map(|image| image.path(view));
+                std::iter::once(rgb).chain(others).map(|path| format!("{}/{path}", folder(scene))).collect()
             }
             (Some(scene), None) => {
                 let names = SCENE_FILES.into_iter().chain(FINISHED_SCENE_FILES);

@@ -11,6 +11,7 @@ pub(crate) use record::{AmodalAnnotation, AmodalFields};
 pub(crate) use write::{StoredParts, file};
 
 use crate::family::write::{Family, check_split};
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_model::prelude::*;
 
 /// Writes COCO's layout for detection and instance segmentation.
@@ -31,7 +32,7 @@ use syntable_model::prelude::*;
 ///
 /// # Output
 ///
-/// - `{id}/images/{scene:06}_{view:04}.png`: 8-bit RGB; `file_name` is relative to `{id}/images`.
+/// - `{id}/images/{scene:06}_{view:04}.png`, or `.jpg`: 8-bit RGB; `file_name` is relative to `{id}/images`.
 /// - `{id}/annotations/instances_{split}.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -50,6 +51,9 @@ pub struct Coco {
     /// Pairs of names of keypoints that viewers connect by a line.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub skeleton: Vec<[String; 2]>,
+    /// Files of the color images.
+    #[serde(skip_serializing_if = "RgbFiles::is_default")]
+    pub rgb: RgbFiles,
 }
 
 /// A mask of each object.
@@ -64,7 +68,13 @@ pub enum MaskChoice {
 
 impl Default for Coco {
     fn default() -> Self {
-        Self { masks: MaskChoice::Amodal, split: "train".into(), keypoints: Vec::new(), skeleton: Vec::new() }
+        Self {
+            masks: MaskChoice::Amodal,
+            split: "train".into(),
+            keypoints: Vec::new(),
+            skeleton: Vec::new(),
+            rgb: RgbFiles::default(),
+        }
     }
 }
 
@@ -74,6 +84,7 @@ impl Config for Coco {
     const EXAMPLE: &'static str = "masks = \"amodal\"\nsplit = \"train\"";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
+        self.rgb.check()?;
         keypoints::check_names(&self.keypoints)?;
         keypoints::check_skeleton(&self.keypoints, &self.skeleton)?;
         Ok(self.writer())

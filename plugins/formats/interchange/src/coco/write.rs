@@ -5,6 +5,7 @@ use super::{Coco, MaskChoice};
 use crate::family::write::{Family, SceneFiles, policy};
 use crate::labels::{self, LabelMasks, Partial, ShownLabel};
 use syntable_formats::coco::{Category, categories};
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{KEYPOINTS, RGB};
 
@@ -17,6 +18,10 @@ impl Family for Coco {
     fn reads(&self) -> Vec<Input> {
         let keypoints = (!self.keypoints.is_empty()).then(|| Input::of(KEYPOINTS));
         [Input::of(RGB), policy()].into_iter().chain(labels::box_inputs(self.masks)).chain(keypoints).collect()
+    }
+
+    fn rgb(&self) -> RgbFiles {
+        self.rgb
     }
 
     fn file(&self) -> String {

@@ -8,6 +8,7 @@ mod write;
 pub(crate) use record::FILE;
 
 use crate::family::write::{Family, check_split};
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_model::prelude::*;
 
 /// Writes COCO's layout for panoptic segmentation.
@@ -25,7 +26,7 @@ use syntable_model::prelude::*;
 ///
 /// # Output
 ///
-/// - `{id}/images/{scene:06}_{view:04}.png`: 8-bit RGB.
+/// - `{id}/images/{scene:06}_{view:04}.png`, or `.jpg`: 8-bit RGB.
 /// - `{id}/annotations/panoptic_{split}/{scene:06}_{view:04}.png`: the segments.
 /// - `{id}/annotations/panoptic_{split}.json`: one annotation per image.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -33,11 +34,14 @@ use syntable_model::prelude::*;
 pub struct CocoPanoptic {
     /// Name of the split in the names of the annotation file and of its folder.
     pub split: String,
+    /// Files of the color images.
+    #[serde(skip_serializing_if = "RgbFiles::is_default")]
+    pub rgb: RgbFiles,
 }
 
 impl Default for CocoPanoptic {
     fn default() -> Self {
-        Self { split: "train".into() }
+        Self { split: "train".into(), rgb: RgbFiles::default() }
     }
 }
 
@@ -47,6 +51,7 @@ impl Config for CocoPanoptic {
     const EXAMPLE: &'static str = "split = \"train\"";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
+        self.rgb.check()?;
         Ok(self.writer())
     }
 }

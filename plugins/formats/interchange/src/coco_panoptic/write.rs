@@ -3,12 +3,14 @@
 use super::CocoPanoptic;
 use super::record::{BACKGROUND_NAME, FILE, PanopticAnnotation, PanopticSegment};
 use crate::coco::{MaskChoice, StoredParts};
-use crate::family::write::{Family, IMAGES, SceneFiles, image_name};
+use crate::family::write::{Family, IMAGES, SceneFiles};
 use crate::labels::{self, Partial};
 use std::collections::BTreeSet;
 use syntable_formats::Extra;
 use syntable_formats::coco::{Category, IS_THING, categories};
 use syntable_formats::encode::png::{PngImage, PngSamples};
+use syntable_formats::encode::rgb::RgbFiles;
+use syntable_formats::encode::view_name;
 use syntable_model::prelude::*;
 use syntable_model::product::Painted;
 use syntable_model::product::standard::RGB;
@@ -29,12 +31,16 @@ impl Family for CocoPanoptic {
         std::iter::once(Input::of(RGB)).chain(labels::visible_inputs()).collect()
     }
 
+    fn rgb(&self) -> RgbFiles {
+        self.rgb
+    }
+
     fn file(&self) -> String {
         format!("{}.json", self.folder())
     }
 
-    fn files_of_view(&self, image: &str) -> Vec<String> {
-        vec![format!("{IMAGES}/{image}"), format!("{}/{image}", self.folder())]
+    fn files_of_view(&self, view: &str) -> Vec<String> {
+        vec![format!("{IMAGES}/{}", self.rgb.file_name(view)), format!("{}/{}", self.folder(), id_file(view))]
     }
 
     fn finish_options(&self) -> &'static [&'static str] {
@@ -55,13 +61,18 @@ impl Family for CocoPanoptic {
             labels.iter().filter_map(|label| Some((label.id, visible(label)?))),
         );
         painted.left_out().for_each(|left_out| cx.log.left_out(&left_out));
-        let name = image_name(cx.scene_id, cx.view_id);
+        let name = id_file(&view_name(cx.scene_id, cx.view_id));
         files.png(&format!("{}/{name}", self.folder()), &id_image(&painted.ids))?;
         files.image(cx, products, 1)?;
         let segments_info = segments(&painted, background_category(cx.dataset), &labels);
         let extra = Extra::from_iter([("id".to_owned(), 0.into())]);
         files.annotation(&PanopticAnnotation { extra, image_id: 0, file_name: name, segments_info })
     }
+}
+
+/// Name of the image of ids of a view.
+fn id_file(view: &str) -> String {
+    format!("{view}.png")
 }
 
 /// The categories of objects, followed by the category of the background.

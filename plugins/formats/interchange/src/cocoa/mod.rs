@@ -8,6 +8,7 @@ mod write;
 pub(crate) use record::FILE;
 
 use crate::family::write::{Family, check_split};
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_model::prelude::*;
 
 /// Writes the layout of COCO-Amodal (COCOA), one annotation per image with its objects from front to back.
@@ -26,18 +27,21 @@ use syntable_model::prelude::*;
 ///
 /// # Output
 ///
-/// - `{id}/images/{scene:06}_{view:04}.png`: 8-bit RGB.
+/// - `{id}/images/{scene:06}_{view:04}.png`, or `.jpg`: 8-bit RGB.
 /// - `{id}/annotations/COCO_amodal_{split}.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Cocoa {
     /// Name of the split in the annotation file's name.
     pub split: String,
+    /// Files of the color images.
+    #[serde(skip_serializing_if = "RgbFiles::is_default")]
+    pub rgb: RgbFiles,
 }
 
 impl Default for Cocoa {
     fn default() -> Self {
-        Self { split: "train2014".into() }
+        Self { split: "train2014".into(), rgb: RgbFiles::default() }
     }
 }
 
@@ -47,6 +51,7 @@ impl Config for Cocoa {
     const EXAMPLE: &'static str = "split = \"train2014\"";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
+        self.rgb.check()?;
         Ok(self.writer())
     }
 }

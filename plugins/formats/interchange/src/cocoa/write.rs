@@ -3,11 +3,13 @@
 use super::Cocoa;
 use super::record::{CocoaAnnotation, CocoaRegion, FILE};
 use crate::coco::MaskChoice;
-use crate::family::write::{Family, ListedImages, SceneFiles, image_name, policy};
+use crate::family::write::{Family, ListedImages, SceneFiles, policy};
 use crate::labels::{self, ShownLabel};
 use crate::order::{self, ObjectOrder};
 use crate::outlines;
 use syntable_formats::Extra;
+use syntable_formats::encode::rgb::RgbFiles;
+use syntable_formats::encode::view_name;
 use syntable_formats::segmentation::Rle;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_OUTLINE, RGB};
@@ -16,6 +18,10 @@ impl Family for Cocoa {
     fn reads(&self) -> Vec<Input> {
         let own = [Input::of(RGB), Input::of(AMODAL_OUTLINE), policy()];
         own.into_iter().chain(order::inputs()).chain(labels::inputs()).collect()
+    }
+
+    fn rgb(&self) -> RgbFiles {
+        self.rgb
     }
 
     fn file(&self) -> String {
@@ -37,7 +43,8 @@ impl Family for Cocoa {
         if regions.is_empty() {
             return Ok(());
         }
-        let (url, author) = (image_name(cx.scene_id, cx.view_id), cx.dataset.program.as_str());
+        let url = self.rgb.file_name(&view_name(cx.scene_id, cx.view_id));
+        let author = cx.dataset.program.as_str();
         files.annotation(&CocoaAnnotation {
             id: 0,
             image_id: 0,

@@ -9,6 +9,7 @@ pub(crate) use check::{fault_of_name, faults_of_order, faults_of_region};
 pub(crate) use record::{D2saRegion, FILE};
 
 use crate::family::write::{Family, check_split};
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_model::prelude::*;
 
 /// Writes the layout of D2SA, MVTec's amodal annotations of D2S.
@@ -25,18 +26,21 @@ use syntable_model::prelude::*;
 ///
 /// # Output
 ///
-/// - `{id}/images/{scene:06}_{view:04}.png`: 8-bit RGB.
+/// - `{id}/images/{scene:06}_{view:04}.png`, or `.jpg`: 8-bit RGB.
 /// - `{id}/annotations/D2S_amodal_{split}.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct D2sa {
     /// Name of the split in the annotation file's name.
     pub split: String,
+    /// Files of the color images.
+    #[serde(skip_serializing_if = "RgbFiles::is_default")]
+    pub rgb: RgbFiles,
 }
 
 impl Default for D2sa {
     fn default() -> Self {
-        Self { split: "training".into() }
+        Self { split: "training".into(), rgb: RgbFiles::default() }
     }
 }
 
@@ -46,6 +50,7 @@ impl Config for D2sa {
     const EXAMPLE: &'static str = "split = \"training\"";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
+        self.rgb.check()?;
         Ok(self.writer())
     }
 }

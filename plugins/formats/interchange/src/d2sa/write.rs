@@ -6,6 +6,7 @@ use crate::coco::MaskChoice;
 use crate::family::write::{Family, SceneFiles, policy};
 use crate::labels::{self, ShownLabel};
 use crate::order::{self, ObjectOrder};
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_formats::segmentation::Rle;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
@@ -13,6 +14,10 @@ use syntable_model::product::standard::RGB;
 impl Family for D2sa {
     fn reads(&self) -> Vec<Input> {
         [Input::of(RGB), policy()].into_iter().chain(order::inputs()).chain(labels::inputs()).collect()
+    }
+
+    fn rgb(&self) -> RgbFiles {
+        self.rgb
     }
 
     fn file(&self) -> String {

@@ -7,25 +7,23 @@ use syntable_formats::Extra;
 use syntable_formats::coco::{Category, CocoImage, CocoInfo, License, categories};
 use syntable_formats::dataset::{DatasetWriter, JsonLayout};
 use syntable_formats::encode::png::PngImage;
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_formats::encode::view_name;
 use syntable_formats::shard;
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{LABEL_POLICY, RGB};
-use syntable_model::scene::{SceneId, ViewId};
 
 /// Folder of the images inside the writer's folder.
 pub const IMAGES: &str = "images";
-
-/// File name of a view's image.
-pub fn image_name(scene: SceneId, view: ViewId) -> String {
-    format!("{}.png", view_name(scene, view))
-}
 
 /// A writer of a format of COCO's family. The formats differ in their records and in the names of their files.
 pub trait Family: Send + Sync + Sized + 'static {
     /// The products that it reads.
     fn reads(&self) -> Vec<Input>;
+
+    /// The option `rgb`.
+    fn rgb(&self) -> RgbFiles;
 
     /// Path of the annotation file. This path, like all paths here, is relative to the writer's folder.
     fn file(&self) -> String;
@@ -35,9 +33,9 @@ pub trait Family: Send + Sync + Sized + 'static {
         vec![self.file()]
     }
 
-    /// The files of a view, given the file name of its image.
-    fn files_of_view(&self, image: &str) -> Vec<String> {
-        vec![format!("{IMAGES}/{image}")]
+    /// The files of a view, given its name.
+    fn files_of_view(&self, view: &str) -> Vec<String> {
+        vec![format!("{IMAGES}/{}", self.rgb().file_name(view))]
     }
 
     /// Writes the files of a view, and the records of its annotations.
@@ -80,7 +78,7 @@ impl<F: Family> ImageWriter for FamilyWriter<F> {
     }
 
     fn view(&self, shard: &mut Vec<u8>, cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
-        self.0.view(cx, products, &mut SceneFiles { output, shard })
+        self.0.view(cx, products, &mut SceneFiles { output, shard, rgb: self.0.rgb() })
     }
 
     fn close(&self, shard: Vec<u8>, _: &ImagesContext, _: &Products, output: &Output) -> Result<()> {
@@ -93,7 +91,7 @@ impl<F: Family> ImageWriter for FamilyWriter<F> {
 
     fn paths(&self, of: &FileOf) -> Vec<String> {
         let files = match (of.scene, of.view) {
-            (Some(scene), Some(view)) => self.0.files_of_view(&image_name(scene, view)),
+            (Some(scene), Some(view)) => self.0.files_of_view(&view_name(scene, view)),
             (None, None) => self.0.files(),
             _ => Vec::new(),
         };
@@ -123,12 +121,13 @@ pub fn check_split(split: &str) -> Result<(), ConfigError> {
 pub struct SceneFiles<'a> {
     output: &'a Output,
     shard: &'a mut Vec<u8>,
+    rgb: RgbFiles,
 }
 
 impl SceneFiles<'_> {
     /// Writes the image of a view and its record. The records of `annotations` annotations follow it.
     pub fn image(&mut self, cx: &ImageContext, products: &Products, annotations: usize) -> Result<()> {
-        let name = image_name(cx.scene_id, cx.view_id);
+        let name = self.rgb.file_name(&view_name(cx.scene_id, cx.view_id));
         self.image_in(IMAGES, name, products, annotations, Extra::new())
     }
 
@@ -151,7 +150,7 @@ impl SceneFiles<'_> {
             }
         }
         let rgb = products.get(RGB)?;
-        self.png(&format!("{folder}/{name}"), &PngImage::rgb(rgb))?;
+        self.rgb.write(rgb, self.output, &format!("{}/{folder}/{name}", self.output.id()))?;
         let (width, height) = (rgb.width(), rgb.height());
         let license = Some(License::of_assets().id.into());
         let record = CocoImage { file_name: name, width, height, license, extra, ..CocoImage::default() };

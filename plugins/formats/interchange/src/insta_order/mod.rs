@@ -4,6 +4,7 @@ mod record;
 mod write;
 
 use crate::family::write::{Family, check_split};
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_model::prelude::*;
 
 /// Writes InstaOrder's orders of occlusion and depth, and COCO's instances.
@@ -20,18 +21,21 @@ use syntable_model::prelude::*;
 ///
 /// # Output
 ///
-/// - `{id}/images/{scene:06}_{view:04}.png`: 8-bit RGB.
+/// - `{id}/images/{scene:06}_{view:04}.png`, or `.jpg`: 8-bit RGB.
 /// - `{id}/annotations/instances_{split}.json` and `{id}/annotations/InstaOrder_{split}.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct InstaOrder {
     /// Name of the split in the annotation files' names.
     pub split: String,
+    /// Files of the color images.
+    #[serde(skip_serializing_if = "RgbFiles::is_default")]
+    pub rgb: RgbFiles,
 }
 
 impl Default for InstaOrder {
     fn default() -> Self {
-        Self { split: "train2017".into() }
+        Self { split: "train2017".into(), rgb: RgbFiles::default() }
     }
 }
 
@@ -41,6 +45,7 @@ impl Config for InstaOrder {
     const EXAMPLE: &'static str = "split = \"train2017\"";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
+        self.rgb.check()?;
         Ok(self.writer())
     }
 }

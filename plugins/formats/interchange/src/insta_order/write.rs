@@ -8,6 +8,7 @@ use crate::labels;
 use crate::order::{self, ObjectOrder, VisibleDepth};
 use std::cmp::Ordering;
 use syntable_formats::dataset::{DatasetWriter, JsonLayout};
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_formats::shard::{ShardLine, for_each_line};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
@@ -27,6 +28,10 @@ impl Family for InstaOrder {
         // Half of the format's content is the order by depth, so depth is required here.
         let orders = order::inputs().map(|input| Input { need: InputNeed::Always, ..input });
         std::iter::once(Input::of(RGB)).chain(orders).chain(labels::inputs()).collect()
+    }
+
+    fn rgb(&self) -> RgbFiles {
+        self.rgb
     }
 
     fn file(&self) -> String {

@@ -7,6 +7,7 @@ mod record;
 mod write;
 
 use crate::family::write::{Family, check_split};
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_model::prelude::*;
 
 /// Writes the layout of KINS, the amodal annotations of KITTI, in its form of 2019 or of 2020.
@@ -30,7 +31,7 @@ use syntable_model::prelude::*;
 ///
 /// # Output
 ///
-/// - `{id}/images/{scene:06}_{view:04}.png`: 8-bit RGB.
+/// - `{id}/images/{scene:06}_{view:04}.png`, or `.jpg`: 8-bit RGB.
 /// - `{id}/instances_{split}.json` (2019) or `{id}/update_{split}_2020.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -39,6 +40,9 @@ pub struct Kins {
     pub version: KinsVersion,
     /// Name of the split in the annotation file's name.
     pub split: String,
+    /// Files of the color images.
+    #[serde(skip_serializing_if = "RgbFiles::is_default")]
+    pub rgb: RgbFiles,
 }
 
 /// Form of KINS' annotation file.
@@ -54,7 +58,7 @@ pub enum KinsVersion {
 
 impl Default for Kins {
     fn default() -> Self {
-        Self { version: KinsVersion::V2020, split: "train".into() }
+        Self { version: KinsVersion::V2020, split: "train".into(), rgb: RgbFiles::default() }
     }
 }
 
@@ -64,6 +68,7 @@ impl Config for Kins {
     const EXAMPLE: &'static str = "version = \"2020\"\nsplit = \"train\"";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
+        self.rgb.check()?;
         Ok(self.writer())
     }
 }

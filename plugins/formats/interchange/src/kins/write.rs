@@ -7,6 +7,7 @@ use crate::family::write::{Family, SceneFiles};
 use crate::labels::{self, ShownLabel};
 use crate::order::{self, ObjectOrder};
 use crate::outlines;
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_formats::segmentation::{Rle, Segmentation};
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
@@ -21,6 +22,10 @@ impl Family for Kins {
         }
         inputs.extend(labels::inputs());
         inputs
+    }
+
+    fn rgb(&self) -> RgbFiles {
+        self.rgb
     }
 
     fn file(&self) -> String {

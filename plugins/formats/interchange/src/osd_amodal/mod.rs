@@ -5,7 +5,7 @@ mod read;
 mod record;
 mod write;
 
-use crate::depth::DepthSource;
+use syntable_formats::depth::DepthSource;
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 

@@ -3,6 +3,7 @@
 use super::OsdAmodal;
 use super::record::{IMAGES, MASKS, image_path, mask_name, view_name};
 use crate::coco::MaskChoice;
+use crate::depth;
 use crate::labels::{self, ShownLabel};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -33,7 +34,7 @@ impl ImageWriter for OsdAmodal {
         let write = |folder: &str, image: PngImage, end: &str| {
             image.write(output, &format!("{}/{}", output.id(), image_path(folder, &format!("{name}{end}"))))
         };
-        let images = [PngImage::rgb(rgb), self.depth.image(products, cx.log)?, label_image(&painted, &labels)?];
+        let images = [PngImage::rgb(rgb), depth::image(self.depth, products, cx.log)?, label_image(&painted, &labels)?];
         IMAGES.into_iter().zip(images).try_for_each(|(folder, image)| write(folder, image, ""))?;
         (1..).zip(&labels).try_for_each(|(number, label)| {
             // Pixels that an object lost to others are hidden.

@@ -5,9 +5,10 @@ mod write;
 
 pub(crate) use record::FILE;
 
-use crate::depth::DepthSource;
 use crate::family::find::FOLDER;
 use crate::family::write::{Family, check_split};
+use syntable_formats::depth::DepthSource;
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_model::prelude::*;
 
 /// Writes the layout of UOAIS-Sim, from which UOAIS-Net is trained.
@@ -25,7 +26,7 @@ use syntable_model::prelude::*;
 ///
 /// # Output
 ///
-/// - `{id}/{split}/rgb/{scene:06}_{view:04}.png`: 8-bit RGB.
+/// - `{id}/{split}/rgb/{scene:06}_{view:04}.png`, or `.jpg`: 8-bit RGB.
 /// - `{id}/{split}/depth/{scene:06}_{view:04}.png`: 16-bit depth along the optical axis, whole millimeters; 0 without a
 ///   surface.
 /// - `{id}/annotations/coco_anns_uoais_sim_{split}.json`.
@@ -39,11 +40,14 @@ pub struct Uoais {
     /// Whether to omit images without annotations from the annotation file, since UOAIS-Net's evaluation fails on them.
     /// Their image files are written all the same.
     pub skip_empty_images: bool,
+    /// Files of the color images.
+    #[serde(skip_serializing_if = "RgbFiles::is_default")]
+    pub rgb: RgbFiles,
 }
 
 impl Default for Uoais {
     fn default() -> Self {
-        Self { split: "train".into(), depth: DepthSource::default(), skip_empty_images: true }
+        Self { split: "train".into(), depth: DepthSource::default(), skip_empty_images: true, rgb: RgbFiles::default() }
     }
 }
 
@@ -53,6 +57,7 @@ impl Config for Uoais {
     const EXAMPLE: &'static str = "split = \"train\"\nskip_empty_images = true";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
+        self.rgb.check()?;
         if self.split == FOLDER {
             let message = format!("`{FOLDER}` is the folder of the annotation file");
             return Err(ConfigError::new("split", message).help("write `train` or `val`"));

@@ -8,6 +8,7 @@ mod write;
 
 use crate::coco::MaskChoice;
 use crate::family::write::check_split;
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 
@@ -35,7 +36,7 @@ use syntable_model::prelude::*;
 ///
 /// # Output
 ///
-/// - `{id}/images/{split}/{scene:06}_{view:04}.png`: 8-bit RGB.
+/// - `{id}/images/{split}/{scene:06}_{view:04}.png`, or `.jpg`: 8-bit RGB.
 /// - `{id}/labels/{split}/{scene:06}_{view:04}.txt`.
 /// - `{id}/data.yaml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -48,6 +49,9 @@ pub struct Yolo {
     pub masks: MaskChoice,
     /// Folder of images and labels.
     pub split: String,
+    /// Files of the color images.
+    #[serde(skip_serializing_if = "RgbFiles::is_default")]
+    pub rgb: RgbFiles,
 }
 
 /// Task of YOLO labels.
@@ -64,7 +68,7 @@ pub enum YoloTask {
 
 impl Default for Yolo {
     fn default() -> Self {
-        Self { task: None, masks: MaskChoice::Visible, split: "train".into() }
+        Self { task: None, masks: MaskChoice::Visible, split: "train".into(), rgb: RgbFiles::default() }
     }
 }
 
@@ -74,6 +78,7 @@ impl Config for Yolo {
     const EXAMPLE: &'static str = "task = \"segment\"\nmasks = \"amodal\"";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
+        self.rgb.check()?;
         Ok(self.boxed())
     }
 }

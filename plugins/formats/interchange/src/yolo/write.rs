@@ -4,11 +4,9 @@ use super::data;
 use super::record::{DATA, IMAGES, LABEL_END, LABELS, LabelShape, line};
 use super::{Yolo, YoloTask};
 use crate::coco::{MaskChoice, StoredParts};
-use crate::family::write::image_name;
 use crate::labels::{self, Partial};
 use crate::outlines::{self, PolygonRing, outline_key, rotated_box_key};
 use std::collections::BTreeSet;
-use syntable_formats::encode::png::PngImage;
 use syntable_formats::encode::view_name;
 use syntable_formats::include::write_file;
 use syntable_formats::writer::ImageWriter;
@@ -23,7 +21,7 @@ impl Yolo {
 
     /// Path of the image inside the writer's folder.
     fn image_path(&self, scene: SceneId, view: ViewId) -> String {
-        format!("{}/{}", self.images(), image_name(scene, view))
+        format!("{}/{}", self.images(), self.rgb.file_name(&view_name(scene, view)))
     }
 
     fn images(&self) -> String {
@@ -68,7 +66,7 @@ impl ImageWriter for Yolo {
 
     fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
         let (rgb, scene, view) = (products.get(RGB)?, cx.scene_id, cx.view_id);
-        PngImage::rgb(rgb).write(output, &format!("{}/{}", output.id(), self.image_path(scene, view)))?;
+        self.rgb.write(rgb, output, &format!("{}/{}", output.id(), self.image_path(scene, view)))?;
         let size = [rgb.width(), rgb.height()].map(f64::from);
         let mut text = String::new();
         let (labels, stored) = match self.task() {

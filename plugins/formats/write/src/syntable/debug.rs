@@ -10,7 +10,7 @@ use super::record::{ViewLabels, decoded};
 use std::collections::BTreeSet;
 use syntable_formats::encode::{pfm, png::PngImage};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{BODIES, DEPTH, INSTANCE, OBJECT_INFO};
+use syntable_model::product::standard::{BODIES, INSTANCE, OBJECT_INFO};
 use syntable_model::product::{Painted, Plane};
 
 /// Paths of the files of the view `name` that cover all objects: depth, its preview, and the ids.
@@ -30,7 +30,7 @@ pub fn write(
 ) -> Result<()> {
     let path = |rest: String| config.path(&format!("data/mono/{rest}"));
     let [depth_path, preview_path, ids_path] = paths(name).map(|path| config.path(&path));
-    let depth = products.get(DEPTH)?;
+    let depth = products.get(config.depth.key())?;
     output.write(&depth_path, &pfm::encode(depth))?;
     PngImage::gray8(&inverse_depth(depth)).write(output, &preview_path)?;
     let ids = match (products.optional(INSTANCE)?, products.optional(BODIES)?) {

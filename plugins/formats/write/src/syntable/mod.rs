@@ -9,6 +9,8 @@ mod write;
 
 pub(crate) use debug::inverse_depth;
 
+use syntable_formats::depth::DepthSource;
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 
@@ -34,9 +36,9 @@ const ANNOTATION_FILE: &str = "annotation_final.json";
 ///
 /// # Output
 ///
-/// - `data/mono/rgb/{scene}_{view}.png`: 8-bit RGB.
+/// - `data/mono/rgb/{scene}_{view}.png`, or `.jpg`: 8-bit RGB.
 /// - `data/mono/depth/{scene}_{view}.png`: 16-bit depth along the optical axis, whole millimeters, truncated; 0 without
-///   a surface.
+///   a surface or measurement.
 /// - `data/mono/occlusion_order/{scene}_{view}.npy`: float64 `[N, N]`, 1 where the row's object occludes the column's.
 /// - `annotation_final.json`: the annotations of all images.
 /// - `parameters/recipe.toml`: the resolved recipe.
@@ -61,6 +63,12 @@ pub struct SynTable {
     pub annotation_file: String,
     /// Folder inside the dataset for all files; empty for the dataset's own.
     pub folder: String,
+    /// Files of the color images. Readers find them by `file_name` in the annotation file.
+    #[serde(skip_serializing_if = "RgbFiles::is_default")]
+    pub rgb: RgbFiles,
+    /// Depth that is written.
+    #[serde(skip_serializing_if = "DepthSource::is_default")]
+    pub depth: DepthSource,
 }
 
 /// Form of the annotation file.
@@ -96,6 +104,8 @@ impl Default for SynTable {
             debug_masks: false,
             annotation_file: ANNOTATION_FILE.into(),
             folder: String::new(),
+            rgb: RgbFiles::default(),
+            depth: DepthSource::default(),
         }
     }
 }
@@ -110,6 +120,7 @@ impl Config for SynTable {
             return Err(ConfigError::new("annotation_file", message));
         }
         check_path("annotation_file", &self.annotation_file)?;
+        self.rgb.check()?;
         if !self.folder.is_empty() {
             check_path("folder", &self.folder)?;
         }

@@ -1,19 +1,18 @@
 //! The records of images and annotations.
 
-use super::{BoxSource, Compat};
+use super::{BoxSource, Compat, SynTable};
 use serde::de::DeserializeOwned;
 use serde_json::Value as Json;
 use syntable_formats::json;
 use syntable_formats::read::label_of;
 use syntable_formats::segmentation::Rle;
 use syntable_formats::syntable::{
-    OBJECT_CATEGORY, SynTableAnnotation, SynTableImage, SynTableScene, depth_path, occlusion_order_path, rgb_path,
-    syntable_1,
+    OBJECT_CATEGORY, SynTableAnnotation, SynTableImage, SynTableScene, depth_path, occlusion_order_path, syntable_1,
 };
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_BOX, AMODAL_MASK, BODIES, CAMERA, CATEGORY_ID, DENOISER, DEPTH, EXPOSURE, LABEL_POLICY, OBJECT_INFO,
-    OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
+    AMODAL_BOX, AMODAL_MASK, BODIES, CAMERA, CATEGORY_ID, DENOISER, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OBJECT_NAME,
+    OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
 use syntable_model::product::{BBox, OcclusionOrder, Product};
 
@@ -99,17 +98,17 @@ impl<'a> ViewLabels<'a> {
 }
 
 /// The record of an image in the coco form, without its id.
-pub fn image(cx: &ImageContext, products: &Products, labels: &ViewLabels) -> Result<SynTableImage> {
+pub fn image(config: &SynTable, cx: &ImageContext, products: &Products, labels: &ViewLabels) -> Result<SynTableImage> {
     Ok(SynTableImage {
         scene_id: Some(cx.scene_id.0),
         view_id: Some(cx.view_id.0),
         instance_ids: Some(labels.ids().iter().map(|id| id.0).collect()),
-        depth_unit_mm: products.contains(&DEPTH.id()).then_some(1),
+        depth_unit_mm: products.contains(&config.depth.key().id()).then_some(1),
         camera: found(products, CAMERA)?,
         exposure: found(products, EXPOSURE)?,
         denoiser: found(products, DENOISER)?,
         label_policy: found(products, LABEL_POLICY)?,
-        ..image_1(cx, products)?
+        ..image_1(config, cx, products)?
     })
 }
 
@@ -119,13 +118,13 @@ fn found<T: Product>(products: &Products, key: Key<T>) -> Result<Option<Json>> {
 }
 
 /// The record of an image in the syntable_1 form, without its id.
-pub fn image_1(cx: &ImageContext, products: &Products) -> Result<SynTableImage> {
+pub fn image_1(config: &SynTable, cx: &ImageContext, products: &Products) -> Result<SynTableImage> {
     let rgb = products.get(RGB)?;
     let (scene, view) = (cx.scene_id.0, cx.view_id.0);
     Ok(SynTableImage {
         id: 0,
-        file_name: rgb_path(scene, view),
-        depth_file_name: products.optional(DEPTH)?.map(|_| depth_path(scene, view)),
+        file_name: config.rgb_path(scene, view),
+        depth_file_name: products.optional(config.depth.key())?.map(|_| depth_path(scene, view)),
         occlusion_order_file_name: products.optional(OCCLUSION_ORDER)?.map(|_| occlusion_order_path(scene, view)),
         width: rgb.width(),
         height: rgb.height(),

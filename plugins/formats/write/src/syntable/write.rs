@@ -11,8 +11,8 @@ use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::OcclusionOrder;
 use syntable_model::product::standard::{
-    AMODAL_BOX, AMODAL_MASK, BODIES, CAMERA, CATEGORY_ID, DENOISER, DEPTH, EXPOSURE, INSTANCE, LABEL_POLICY,
-    OBJECT_INFO, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
+    AMODAL_BOX, AMODAL_MASK, BODIES, CAMERA, CATEGORY_ID, DENOISER, EXPOSURE, INSTANCE, LABEL_POLICY, OBJECT_INFO,
+    OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
 
 impl ImageWriter for SynTable {
@@ -22,7 +22,6 @@ impl ImageWriter for SynTable {
     fn reads(&self) -> Vec<Input> {
         let mut inputs = vec![Input::of(RGB), Input::of(VISIBLE_MASK), Input::of(VISIBLE_BOX)];
         let of_all = [
-            Input::of(DEPTH),
             Input::of(AMODAL_MASK),
             Input::of(OCCLUSION_MASK),
             Input::of(OCCLUSION_RATE),
@@ -32,6 +31,8 @@ impl ImageWriter for SynTable {
         // Programs that rely on the files of the release expect all of these products.
         let needs_all = self.compat == Compat::Syntable1 || self.debug_masks;
         inputs.push(Input::of(OBJECT_NAME).optional());
+        let depth = self.depth.input();
+        inputs.push(if needs_all || !self.depth.is_default() { depth } else { depth.optional() });
         inputs.extend(of_all.into_iter().map(|input| if needs_all { input } else { input.optional() }));
         if self.compat == Compat::Coco {
             let more = [Input::of(CATEGORY_ID), Input::of(OBJECT_INFO), Input::of(CAMERA), Input::of(EXPOSURE)];
@@ -51,12 +52,12 @@ impl ImageWriter for SynTable {
 
     fn view(&self, lines: &mut Vec<u8>, cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
         let (scene, view) = (cx.scene_id.0, cx.view_id.0);
-        PngImage::rgb(products.get(RGB)?).write(output, &self.path(&rgb_path(scene, view)))?;
+        self.rgb.write(products.get(RGB)?, output, &self.path(&self.rgb_path(scene, view)))?;
         let rounding = match self.compat {
             Compat::Coco => Rounding::Truncate,
             Compat::Syntable1 => Rounding::TruncateSingle,
         };
-        if let Some(depth) = products.optional(DEPTH)? {
+        if let Some(depth) = products.optional(self.depth.key())? {
             let remedy = "the layout has whole millimeters; also write depth with npy or exr";
             let depth = depth_image(depth, 1.0, rounding, (cx.log, remedy));
             depth.write(output, &self.path(&depth_path(scene, view)))?;
@@ -71,8 +72,8 @@ impl ImageWriter for SynTable {
         }
 
         let image = match self.compat {
-            Compat::Coco => record::image(cx, products, &labels)?,
-            Compat::Syntable1 => record::image_1(cx, products)?,
+            Compat::Coco => record::image(self, cx, products, &labels)?,
+            Compat::Syntable1 => record::image_1(self, cx, products)?,
         };
         shard::push_image(lines, labels.ids().len(), &image)?;
         labels.ids().iter().try_for_each(|&id| match self.compat {
@@ -97,10 +98,11 @@ impl ImageWriter for SynTable {
     fn paths(&self, of: &FileOf) -> Vec<String> {
         match (of.scene, of.view) {
             (Some(scene), Some(view)) => {
-                let paths = [rgb_path, depth_path, occlusion_order_path].map(|path| path(scene.0, view.0));
+                let rgb = self.rgb_path(scene.0, view.0);
+                let others = [depth_path, occlusion_order_path].map(|path| path(scene.0, view.0));
                 let debug = debug::paths(&view_stem(scene.0, view.0));
                 let debug = debug.into_iter().filter(|_| self.debug_masks);
-                paths.into_iter().chain(debug).map(|path| self.path(&path)).collect()
+                std::iter::once(rgb).chain(others).chain(debug).map(|path| self.path(&path)).collect()
             }
             (None, None) => vec![self.path(&self.annotation_file), self.path(RECIPE)],
             _ => Vec::new(),
@@ -118,6 +120,11 @@ impl ImageWriter for SynTable {
 }
 
 impl SynTable {
+    /// Path of a view's color image inside the writer's folder.
+    pub fn rgb_path(&self, scene: u32, view: u32) -> String {
+        rgb_path(scene, view, self.rgb.extension())
+    }
+
     /// A path relative to the dataset.
     pub fn path(&self, path: &str) -> String {
         if self.folder.is_empty() { path.to_owned() } else { format!("{}/{path}", self.folder) }

@@ -4,6 +4,7 @@ mod read;
 mod record;
 mod write;
 
+use syntable_formats::encode::rgb::RgbFiles;
 use syntable_formats::include::Included;
 use syntable_model::prelude::*;
 
@@ -17,7 +18,7 @@ use syntable_model::prelude::*;
 ///
 /// | product | field |
 /// | --- | --- |
-/// | 8- or 16-bit image, such as `rgb` and `visible_ids` | `{product}.png` |
+/// | 8- or 16-bit image, such as `rgb` and `visible_ids` | `{product}.png`; `rgb.jpg` with `rgb = { format = "jpeg" }` |
 /// | float image, such as `depth` | `{product}.npy`, or `{product}.exr` with `floats = "exr"` |
 /// | other numbers, such as `amodal_bits` | `{product}.npy` |
 /// | a number, a box or a mask per instance | `{product}.npy`, instances along the first axis, and `{product}.ids.npy` |
@@ -40,6 +41,9 @@ pub struct Webdataset {
     pub include: Included,
     /// Format of float images.
     pub floats: Floats,
+    /// Files of the product `rgb`.
+    #[serde(skip_serializing_if = "RgbFiles::is_default")]
+    pub rgb: RgbFiles,
 }
 
 /// Format of float images.
@@ -65,7 +69,7 @@ impl Default for Webdataset {
             "occlusion_order",
             "camera",
         ];
-        Self { include: include.into(), floats: Floats::Npy }
+        Self { include: include.into(), floats: Floats::Npy, rgb: RgbFiles::default() }
     }
 }
 
@@ -75,6 +79,7 @@ impl Config for Webdataset {
     const EXAMPLE: &'static str =
         "include = [\"rgb\", \"depth\", \"visible_ids\", \"amodal_bits\", \"category_id\", \"camera\"]";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
+        self.rgb.check()?;
         Ok(Box::new(self))
     }
 }

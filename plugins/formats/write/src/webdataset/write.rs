@@ -9,6 +9,7 @@ use syntable_formats::encode::{exr, json_shard, png, scene_name, view_name};
 use syntable_formats::include;
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
+use syntable_model::product::standard::RGB;
 
 impl Writer for Webdataset {
     fn reads(&self) -> Vec<Input> {
@@ -47,7 +48,7 @@ impl SceneWriter for WebdatasetScene {
         let size = include::shape(cx);
         let sample = view_name(cx.scene_id, cx.view_id);
         for (product, key) in self.config.include.of_scope(products, Scope::View) {
-            let fields = self.config.floats.fields(product, &key, &products.value(product)?, size)?;
+            let fields = self.config.fields_of(product, &key, products, size)?;
             fields
                 .iter()
                 .try_for_each(|(field, bytes)| self.archive.add(&format!("{sample}.{product}.{field}"), bytes))?;
@@ -60,11 +61,25 @@ impl SceneWriter for WebdatasetScene {
     }
 }
 
-impl Floats {
+impl Webdataset {
+    /// The [fields](Self::fields) of a product, which are the file of the option `rgb` for the color image.
+    fn fields_of(
+        &self,
+        product: &str,
+        key: &KeyId,
+        products: &Products,
+        size: [usize; 2],
+    ) -> Result<Vec<(&'static str, Vec<u8>)>> {
+        if *key == RGB.id() && !self.rgb.is_default() {
+            return Ok(vec![(self.rgb.extension(), self.rgb.encode(products.get(RGB)?)?)]);
+        }
+        self.fields(product, key, &products.value(product)?, size)
+    }
+
     /// The fields of a product: the suffixes of their names, and their bytes. `size` is the height and width of an
     /// image without instances.
     fn fields(
-        self,
+        &self,
         product: &str,
         key: &KeyId,
         value: &Value,
@@ -80,7 +95,7 @@ impl Floats {
                 return Ok(vec![(PNG, image)]);
             }
         }
-        if let (Self::Exr, Ok(coding)) = (self, exr::ExrCoding::of(&kind)) {
+        if let (Floats::Exr, Ok(coding)) = (self.floats, exr::ExrCoding::of(&kind)) {
             return Ok(vec![(EXR, coding.encode(value, exr::Precision::Float).map_err(explain)?)]);
         }
         match npy::arrays_of_numbers(product, key, value, size) {
