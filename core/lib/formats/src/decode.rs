@@ -30,6 +30,15 @@ const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
 const PNG_LIBRARY: &str = "the library that decodes PNG";
 const JPEG_LIBRARY: &str = "the library that decodes JPEG";
 
+/// The content of a NumPy file.
+#[derive(Debug, Clone)]
+pub enum NpyArray {
+    /// Numbers.
+    Numbers(Tensor),
+    /// Texts, and the lengths of the axes.
+    Texts(Vec<String>, Vec<usize>),
+}
+
 /// The bytes of a file, or of a member of an archive.
 #[derive(Debug, Clone)]
 pub struct FileContent {
@@ -299,6 +308,14 @@ impl FileContent {
 
     /// The array of a NumPy file with little-endian numbers in rows.
     pub fn npy(&self) -> Result<Tensor> {
+        match self.npy_array()? {
+            NpyArray::Numbers(tensor) => Ok(tensor),
+            NpyArray::Texts(..) => Err(self.refuse("not a NumPy file of numbers: its values are texts".to_owned())),
+        }
+    }
+
+    /// An array of numbers or texts from a NumPy file.
+    pub fn npy_array(&self) -> Result<NpyArray> {
         let refuse = |what: &str| self.refuse(format!("not a NumPy file that can be read: {what}"));
         let rest = self.bytes.strip_prefix(b"\x93NUMPY").ok_or_else(|| refuse("the file starts otherwise"))?;
         let cut = || refuse("its header is cut off");
@@ -311,10 +328,15 @@ impl FileContent {
         let header = std::str::from_utf8(header).map_err(|_| cut())?.trim();
         let value = |key: &str| header.split_once(key).map(|(_, rest)| rest.trim_start_matches([':', ' ']));
         let descr = value("'descr'").and_then(|rest| rest.strip_prefix('\'')?.split_once('\''));
-        let dtype = descr.and_then(|(descr, _)| npy::dtype(descr)).ok_or_else(|| {
-            let what = format!("it has no numbers of a type that is read, little-endian: {header}");
-            refuse(&what).help("write it again, for instance with `np.ascontiguousarray(a).astype(\"<f4\")`")
-        })?;
+        let descr = descr.map_or("", |(descr, _)| descr);
+        let letters: Option<usize> = descr.strip_prefix(npy::TEXT).and_then(|length| length.parse().ok());
+        let dtype = npy::dtype(descr);
+        if dtype.is_none() && letters.is_none() {
+            let what = format!("it has no numbers or texts of a type that is read, little-endian: {header}");
+            return Err(
+                refuse(&what).help("write it again, for instance with `np.ascontiguousarray(a).astype(\"<f4\")`")
+            );
+        }
         if value("'fortran_order'").is_none_or(|rest| !rest.starts_with("False")) {
             return Err(refuse(&format!("it is in Fortran order: {header}")).help("save `np.ascontiguousarray(a)`"));
         }
@@ -322,17 +344,27 @@ impl FileContent {
         let lengths = shape.map(|(shape, _)| shape.split(',').map(str::trim).filter(|length| !length.is_empty()));
         let lengths = lengths.and_then(|lengths| lengths.map(|length| length.parse().ok()).collect::<Option<Vec<_>>>());
         let shape: Vec<usize> = lengths.ok_or_else(|| refuse(header))?;
-        let factors: Vec<u64> = shape.iter().map(|length| *length as u64).chain([dtype.size() as u64]).collect();
+        let size = dtype.map(DType::size).or(letters.and_then(|letters| letters.checked_mul(npy::LETTER_BYTES)));
+        let size = size.ok_or_else(|| refuse(header))?;
+        let factors: Vec<u64> = shape.iter().map(|length| *length as u64).chain([size as u64]).collect();
         MEMBER_BYTES.check_product(&factors).map_err(|error| error.in_file(&self.path))?;
-        if byte_count(&shape, dtype) != Some(data.len()) {
+        if byte_count(&shape, size) != Some(data.len()) {
             return Err(refuse(&format!("{header}, and {} bytes follow", data.len())));
         }
+        let Some(dtype) = dtype else {
+            let count = shape.iter().product();
+            let text = |at: usize| npy::text_of(&data[at * size..][..size]);
+            let texts = (0..count).map(text).collect::<Option<_>>();
+            return texts
+                .map(|texts| NpyArray::Texts(texts, shape))
+                .ok_or_else(|| refuse("a text has no valid letters"));
+        };
         let axes = match shape.len() {
             2 => vec!["y".into(), "x".into()],
             3 => vec!["y".into(), "x".into(), "channel".into()],
             axes => vec!["axis".into(); axes],
         };
-        Ok(Tensor { dtype, axes, shape, bytes: data.to_vec() })
+        Ok(NpyArray::Numbers(Tensor { dtype, axes, shape, bytes: data.to_vec() }))
     }
 
     /// A square matrix of 64-bit floats, as SynTable writes occlusion orders: its edge, and its entries row by row.
@@ -350,9 +382,9 @@ impl FileContent {
     }
 }
 
-/// Number of bytes of an array; none if no array can have these lengths, even if one of them is 0.
-pub fn byte_count(shape: &[usize], dtype: DType) -> Option<usize> {
-    let largest = shape.iter().try_fold(dtype.size(), |product, length| product.checked_mul((*length).max(1)))?;
+/// Number of bytes of an array of elements of a size; none if no array can have these lengths, even if one of them is 0.
+pub fn byte_count(shape: &[usize], element: usize) -> Option<usize> {
+    let largest = shape.iter().try_fold(element, |product, length| product.checked_mul((*length).max(1)))?;
     Some(if shape.contains(&0) { 0 } else { largest })
 }
 
@@ -407,7 +439,7 @@ mod tests {
         second.extend((header.len() as u32).to_le_bytes());
         second.extend([&header[..], &[1, 0, 2, 0]].concat());
         assert_eq!(of(&second).expect("readable").bytes, [1, 0, 2, 0]);
-        for other in ["'>u2'", "'<U3'", "[('a', '<f8')]"] {
+        for other in ["'>u2'", "'>U3'", "'<U'", "[('a', '<f8')]"] {
             let text = String::from_utf8_lossy(&second[12..12 + header.len()]).replace("'<u2'", other);
             let mut file = b"\x93NUMPY\x01\x00".to_vec();
             file.extend((text.len() as u16).to_le_bytes());

@@ -16,6 +16,7 @@
 //! | [`members`] | members of tar files, read in any order |
 //! | [`draw`] | images for people: masks and outlines over images, panels side by side |
 //! | [`read`] | shared code of all readers |
+//! | [`record_arrays`] | products of any form as named arrays, and back |
 //! | [`samples`] | datasets of products by name, read back |
 //! | [`scores`] | scores of predictions, and the images with the lowest scores |
 //! | [`structure`] | the structure of an annotation file, by the keys of its records |
@@ -45,6 +46,7 @@ pub mod listing;
 pub mod members;
 mod polygon;
 pub mod read;
+pub mod record_arrays;
 pub mod samples;
 pub mod scores;
 pub mod segmentation;

@@ -142,8 +142,8 @@ pub fn instances(values: &Tensor, ids: &Tensor) -> Result<Value, String> {
     Ok(Value::PerInstance(ids.into_iter().enumerate().map(|(at, id)| (id, row(at))).collect()))
 }
 
-/// The ids, which must be ascending. All other axes of instances have the same order.
-fn ids_of(ids: &Tensor) -> Result<Vec<InstanceId>, String> {
+/// The ids, which must be ascending. All other axes of instances have the same order. An error is the reason.
+pub fn ids_of(ids: &Tensor) -> Result<Vec<InstanceId>, String> {
     if ids.shape.len() != 1 {
         return Err(format!("ids are of shape {:?}", ids.shape));
     }

@@ -23,7 +23,7 @@ impl Hdf5File {
 
     /// Adds an array in compressed chunks of whole rows.
     pub fn array(&mut self, name: &str, array: &Array) -> Result<()> {
-        let element = datatype(array.descr)
+        let element = datatype(&array.descr)
             .ok_or_else(|| Error::new(format!("HDF5 has no type for elements `{}`", array.descr)))?;
         let size = element.type_size() as usize;
         let shape: Vec<u64> = array.shape.iter().map(|&length| length as u64).collect();

@@ -301,7 +301,7 @@ impl Hdf5View {
             Stored::Other(other) if is_half(&other) => (DType::F16, dataset.read_raw().map_err(fail)?),
             other => return Err(self.refuse(name, &format!("elements of type {other} are not read"))),
         };
-        if byte_count(&shape, dtype) != Some(bytes.len()) {
+        if byte_count(&shape, dtype.size()) != Some(bytes.len()) {
             return Err(self.refuse(name, &format!("of shape {shape:?} it has {} bytes", bytes.len())));
         }
         let axes = match shape.len() {

@@ -4,7 +4,8 @@ run lengths, decoded by pycocotools.
 
     python3 check_npz.py DATASET ID
 
-The dataset has `all.jsonl` and the archives `ID/{scene:06}_{view:04}.npz` of the writer's default products.
+The dataset has `all.jsonl` and the archives `ID/{scene:06}_{view:04}.npz` of the writer's default products. The archives
+of `records` also have cameras, names and poses.
 """
 
 import json
@@ -53,6 +54,18 @@ def main():
             same(arrays[product], want.reshape((len(ids), width) if width else len(ids)), np.int64, f"{name} {product}")
         order = np.array(record["occlusion_order"], dtype=bool).reshape(len(ids), len(ids))
         same(arrays["occlusion_order"], order, bool, f"{name} order")
+        if writer == "records":
+            camera = record["camera"]
+            for field, shape in (("K", (3, 3)), ("world_from_camera", (4, 4)), ("width", ())):
+                array = arrays[f"camera_{field}"]
+                assert array.shape == shape and np.array_equal(array, camera[field]), f"{name} camera_{field}"
+            # Text arrays compare with Python's texts.
+            assert arrays["object_name"].tolist() == [record["object_name"][str(i)] for i in ids], f"{name} names"
+            infos = [record["object_info"][str(i)] for i in ids]
+            if infos:
+                assert arrays["object_info_asset"].tolist() == [info["asset"] for info in infos], f"{name} assets"
+                poses = np.array([info["camera_from_object"] for info in infos])
+                same(arrays["object_info_camera_from_object"], poses, np.float64, f"{name} poses")
         checked, objects = checked + 1, objects + len(ids)
     assert checked > 2 and objects > 9
     print(f"{checked} archives with {objects} objects")

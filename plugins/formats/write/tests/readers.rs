@@ -91,8 +91,13 @@ fn archives_equal_the_run_lengths() {
     let folder = tempfile::tempdir().expect("a folder");
     let labels =
         "\"visible_mask\", \"amodal_mask\", \"visible_box\", \"amodal_box\", \"category_id\", \"occlusion_order\"";
-    write_all(folder.path(), "all", "jsonl", &format!("include = [{labels}, \"rgb\", \"depth\"]"));
-    for (id, options) in [("npz", ""), ("plain", "compress = false")] {
+    let records = "\"camera\", \"object_name\", \"object_info\"";
+    write_all(folder.path(), "all", "jsonl", &format!("include = [{labels}, {records}, \"rgb\", \"depth\"]"));
+    let all = format!(
+        "include = [\"rgb\", \"depth\", \"visible_ids\", \"amodal_bits\", \"visible_box\", \"amodal_box\", \
+         \"category_id\", \"occlusion_order\", {records}]"
+    );
+    for (id, options) in [("npz", ""), ("plain", "compress = false"), ("records", &all)] {
         write_all(folder.path(), id, "npz", options);
         python(&own_script("check_npz.py"), &[folder.path().to_str().expect("UTF-8"), id]);
     }

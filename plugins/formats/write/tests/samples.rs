@@ -33,6 +33,7 @@ fn products_come_back_and_labels_follow() {
         ("webdataset", format!("include = [\"rgb\", {masks}, {more}, \"depth\", \"camera\"]\nfloats = \"exr\"")),
         ("npz", String::new()),
         ("npz", format!("include = [\"rgb\", {masks}, \"normal\", \"radiance\"]\ncompress = false")),
+        ("npz", format!("include = [{masks}, {more}, \"camera\", \"rgb\"]")),
         ("jsonl", format!("include = [{masks}, {more}, \"rgb\", \"depth\", \"camera\", \"bodies\"]")),
         ("jsonl", format!("include = [{masks}, \"depth\", \"bodies\", \"camera\"]\nper = \"scene\"")),
     ];

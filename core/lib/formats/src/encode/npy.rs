@@ -1,6 +1,7 @@
 //! NumPy files (format 1.0).
 
 use super::kind::{Form, Semantic, ValueKind, with_article};
+use std::borrow::Cow;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{DType, KeyId, Mask, Tensor, Value};
 use syntable_model::scene::InstanceId;
@@ -103,11 +104,23 @@ pub fn descr(dtype: DType) -> &'static str {
     }
 }
 
+/// Descriptor of texts, which the number of letters follows.
+pub const TEXT: &str = "<U";
+/// Bytes of a letter of a text: UTF-32.
+pub const LETTER_BYTES: usize = 4;
+
+/// The text of an element. None if a letter is invalid.
+pub fn text_of(element: &[u8]) -> Option<String> {
+    let letters = element.as_chunks().0.iter().map(|bytes| char::from_u32(u32::from_le_bytes(*bytes)));
+    let text: Option<String> = letters.collect();
+    text.map(|text| text.trim_end_matches('\0').to_owned())
+}
+
 /// An array: NumPy descriptor of its element type, shape, and elements in C order, little-endian.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Array {
-    /// Element type, such as `<f8` or `|b1`.
-    pub descr: &'static str,
+    /// Element type, such as `<f8`, `|b1` or `<U9`.
+    pub descr: Cow<'static, str>,
     /// Lengths of the axes; none for a single number.
     pub shape: Vec<usize>,
     /// The elements in C order.
@@ -117,7 +130,7 @@ pub struct Array {
 impl Array {
     /// A matrix of f64.
     pub fn matrix_f64(rows: usize, columns: usize, elements: impl Iterator<Item = f64>) -> Self {
-        Self { descr: "<f8", shape: vec![rows, columns], bytes: elements.flat_map(f64::to_le_bytes).collect() }
+        Self { descr: "<f8".into(), shape: vec![rows, columns], bytes: elements.flat_map(f64::to_le_bytes).collect() }
     }
 
     /// The array of a tensor, a mask, a number, or nested lists of numbers of one shape.
@@ -125,12 +138,12 @@ impl Array {
         match value {
             Value::Tensor(tensor) => Ok(Self::of_tensor(tensor)),
             Value::Mask(mask) => Ok(Self::of_mask(mask)),
-            Value::Bool(value) => Ok(Self { descr: "|b1", shape: vec![], bytes: vec![(*value).into()] }),
-            Value::Int(value) => Ok(Self { descr: "<i8", shape: vec![], bytes: value.to_le_bytes().to_vec() }),
-            Value::Uint(value) => Ok(Self { descr: "<u8", shape: vec![], bytes: value.to_le_bytes().to_vec() }),
-            Value::Float(value) => Ok(Self { descr: "<f8", shape: vec![], bytes: value.to_le_bytes().to_vec() }),
+            Value::Bool(value) => Ok(Self { descr: "|b1".into(), shape: vec![], bytes: vec![(*value).into()] }),
+            Value::Int(value) => Ok(Self { descr: "<i8".into(), shape: vec![], bytes: value.to_le_bytes().to_vec() }),
+            Value::Uint(value) => Ok(Self { descr: "<u8".into(), shape: vec![], bytes: value.to_le_bytes().to_vec() }),
+            Value::Float(value) => Ok(Self { descr: "<f8".into(), shape: vec![], bytes: value.to_le_bytes().to_vec() }),
             Value::List(values) => Self::stack(values.iter().map(Self::of)),
-            Value::Null => Ok(Self { descr: "<f8", shape: vec![], bytes: f64::NAN.to_le_bytes().to_vec() }),
+            Value::Null => Ok(Self { descr: "<f8".into(), shape: vec![], bytes: f64::NAN.to_le_bytes().to_vec() }),
             Value::Bytes(_) => Err(Error::new("bytes are not an array")),
             Value::Text(_) => Err(Error::new("text is not an array")),
             Value::Record(_) => Err(Error::new("a record is not an array")),
@@ -147,7 +160,7 @@ impl Array {
             count += 1;
             match &mut stacked {
                 None => stacked = Some(array),
-                Some(first) if (first.descr, &first.shape) == (array.descr, &array.shape) => {
+                Some(first) if (&first.descr, &first.shape) == (&array.descr, &array.shape) => {
                     first.bytes.extend(array.bytes);
                 }
                 Some(first) => {
@@ -158,7 +171,7 @@ impl Array {
                 }
             }
         }
-        let mut stacked = stacked.unwrap_or(Self { descr: "<f8", shape: vec![], bytes: vec![] });
+        let mut stacked = stacked.unwrap_or(Self { descr: "<f8".into(), shape: vec![], bytes: vec![] });
         stacked.shape.insert(0, count);
         Ok(stacked)
     }
@@ -174,23 +187,52 @@ impl Array {
             Form::Bool => ("|b1", vec![]),
             _ => ("<f8", vec![]),
         };
-        Self { descr, shape: [vec![0], rest].concat(), bytes: Vec::new() }
+        Self { descr: descr.into(), shape: [vec![0], rest].concat(), bytes: Vec::new() }
+    }
+
+    /// A single text.
+    pub fn text(text: &str) -> Self {
+        Self { shape: vec![], ..Self::texts(&[text]) }
+    }
+
+    /// Texts, `[N]`, padded with zeros to the longest one, as NumPy stores them.
+    pub fn texts(texts: &[&str]) -> Self {
+        let letters = texts.iter().map(|text| text.chars().count()).max().unwrap_or(0).max(1);
+        let letter = |letter: Option<char>| u32::from(letter.unwrap_or('\0')).to_le_bytes();
+        let padded = |text: &&str| {
+            let mut rest = text.chars();
+            (0..letters).flat_map(|_| letter(rest.next())).collect::<Vec<u8>>()
+        };
+        let bytes = texts.iter().flat_map(padded).collect();
+        Self { descr: format!("{TEXT}{letters}").into(), shape: vec![texts.len()], bytes }
+    }
+
+    /// The elements of an array of 64-bit or truth values as floats; none for other elements.
+    pub fn as_f64(&self) -> Option<Vec<f64>> {
+        let words = || self.bytes.as_chunks().0.iter().copied();
+        Some(match &*self.descr {
+            "<f8" => words().map(f64::from_le_bytes).collect(),
+            "<i8" => words().map(|bytes| i64::from_le_bytes(bytes) as f64).collect(),
+            "<u8" => words().map(|bytes| u64::from_le_bytes(bytes) as f64).collect(),
+            "|b1" => self.bytes.iter().map(|&bit| bit.into()).collect(),
+            _ => return None,
+        })
     }
 
     /// Instance ids, `[N]` of u16.
     pub fn ids(ids: impl Iterator<Item = InstanceId>) -> Self {
         let bytes: Vec<u8> = ids.flat_map(|id| id.0.to_le_bytes()).collect();
-        Self { descr: "<u2", shape: vec![bytes.len() / 2], bytes }
+        Self { descr: "<u2".into(), shape: vec![bytes.len() / 2], bytes }
     }
 
     fn of_tensor(tensor: &Tensor) -> Self {
-        Self { descr: descr(tensor.dtype), shape: tensor.shape.clone(), bytes: tensor.bytes.clone() }
+        Self { descr: descr(tensor.dtype).into(), shape: tensor.shape.clone(), bytes: tensor.bytes.clone() }
     }
 
     fn of_mask(mask: &Mask) -> Self {
         let plane = mask.to_plane();
         let bytes = plane.data().iter().map(|&bit| bit.into()).collect();
-        Self { descr: "|b1", shape: vec![mask.height() as usize, mask.width() as usize], bytes }
+        Self { descr: "|b1".into(), shape: vec![mask.height() as usize, mask.width() as usize], bytes }
     }
 
     /// The bytes of a `.npy` file, equal to the output of `numpy.save`.
@@ -239,7 +281,7 @@ mod tests {
     fn values_become_arrays() {
         let check = |value: Value, descr: &str, shape: &[usize], bytes: usize| {
             let array = Array::of(&value).expect("an array");
-            assert_eq!((array.descr, array.shape.as_slice(), array.bytes.len()), (descr, shape, bytes));
+            assert_eq!((&*array.descr, array.shape.as_slice(), array.bytes.len()), (descr, shape, bytes));
         };
         check(Plane::from_fn(3, 2, |x, _| [x as f32; 3]).encode(), "<f4", &[2, 3, 3], 72);
         check(Mask::empty(3, 2).into(), "|b1", &[2, 3], 6);
@@ -270,7 +312,7 @@ mod tests {
         fn check<T: Clone + Into<Value> + Send + Sync + 'static>(one: T) -> Array {
             let array = Array::of(&one.into()).expect("an array");
             let none = Array::stack_of_none(PerInstance::<T>::form().of_one(), [2, 3]);
-            assert_eq!((none.descr, &none.shape[1..], none.shape[0]), (array.descr, array.shape.as_slice(), 0));
+            assert_eq!((&*none.descr, &none.shape[1..], none.shape[0]), (&*array.descr, array.shape.as_slice(), 0));
             none
         }
         check(Mask::empty(3, 2));

@@ -1,7 +1,7 @@
 //! Reads NumPy archives, one per view.
 
 use super::record::{ARCHIVE, IDS};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -9,10 +9,12 @@ use syntable_formats::decode::{self, FileContent};
 use syntable_formats::encode::view_name;
 use syntable_formats::include;
 use syntable_formats::read::{self, Faults, place_in_name};
+use syntable_formats::record_arrays;
 use syntable_formats::samples::{self, Contents, SampleFields, SampleReader};
 use syntable_model::limits::{ARCHIVE_MEMBERS, MEMBER_BYTES};
 use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
+use syntable_model::product::{Form, linked};
 use syntable_model::reader::{Format, Opened, Source};
 use syntable_model::scene::{SceneId, ViewId};
 use zip::ZipArchive;
@@ -51,8 +53,12 @@ fn open(source: &Source) -> Result<Opened> {
     let images = all.keys().map(image).collect();
     let paths: Vec<PathBuf> = all.into_values().collect();
     // If an archive lacks an array that another archive has, the error is reported when the array is read.
-    let fields =
-        paths.iter().filter_map(|path| NpzArchive::open(path).ok()).flat_map(|archive| archive.names()).collect();
+    let fields = paths
+        .iter()
+        .filter_map(|path| NpzArchive::open(path).ok())
+        .flat_map(|archive| archive.names())
+        .map(|array| record_arrays::product_of(&array))
+        .collect();
     let contents =
         Contents { images, fields, faults, categories: include::categories_in(&folder)?, ..Contents::default() };
     Ok(samples::open(read::name_of(root), contents, Box::new(Archives(paths))))
@@ -61,19 +67,30 @@ fn open(source: &Source) -> Result<Opened> {
 impl SampleReader for Archives {
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<SampleFields> {
         let mut archive = NpzArchive::open(&self.0[image])?;
-        let own: Vec<String> = archive.names().into_iter().filter(|name| wanted.contains(name.as_str())).collect();
+        let mut products: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for array in archive.names() {
+            let product = record_arrays::product_of(&array);
+            if wanted.contains(product.as_str()) {
+                products.entry(product).or_default().insert(array);
+            }
+        }
+        let keys = linked();
+        // Records of no instances, and lists without records, have no arrays.
+        let has_no_ids = archive.zip.index_for_name(&format!("{IDS}.npy")).is_some() && archive.ids()?.is_empty();
+        for key in keys.iter().filter(|key| record_arrays::may_be_absent(key, has_no_ids)) {
+            let name = key.to_string();
+            if wanted.contains(name.as_str()) {
+                products.entry(name).or_default();
+            }
+        }
         let mut fields = SampleFields::new();
-        for name in own {
-            let content = archive.array(&name)?;
-            let array = content.npy()?;
-            let value = match samples::is_per_instance(&name) {
-                false => Value::Tensor(array),
-                true => {
-                    let values = samples::instances(&array, &archive.array(IDS)?.npy()?);
-                    values.map_err(|reason| content.refuse(reason))?
-                }
+        for (product, names) in products {
+            let key = keys.iter().find(|key| key.is(&product));
+            let value = match key.filter(|key| record_arrays::is_of_arrays(key)) {
+                None => archive.numbers(&product)?,
+                Some(key) => archive.record(&product, key, names)?,
             };
-            fields.insert(name, value);
+            fields.insert(product, value);
         }
         Ok(fields)
     }
@@ -96,6 +113,31 @@ impl NpzArchive {
         let zip = guarded(LIBRARY, path, || ZipArchive::new(BufReader::new(file)).map_err(refuse))?;
         ARCHIVE_MEMBERS.check(zip.len() as u64).map_err(|error| error.in_file(path))?;
         Ok(Self { zip, path: path.to_owned() })
+    }
+
+    /// The value of a product of numbers.
+    fn numbers(&mut self, product: &str) -> Result<Value> {
+        let content = self.array(product)?;
+        let array = content.npy()?;
+        if !samples::is_per_instance(product) {
+            return Ok(Value::Tensor(array));
+        }
+        samples::instances(&array, &self.array(IDS)?.npy()?).map_err(|reason| content.refuse(reason))
+    }
+
+    /// The ids of the instances along the first axes.
+    fn ids(&mut self) -> Result<Vec<InstanceId>> {
+        let content = self.array(IDS)?;
+        samples::ids_of(&content.npy()?).map_err(|reason| content.refuse(reason))
+    }
+
+    /// The value of a product of records or texts, from its arrays.
+    fn record(&mut self, product: &str, key: &KeyId, names: BTreeSet<String>) -> Result<Value> {
+        let ids = if matches!(key.form(), Form::PerInstance(_)) { self.ids()? } else { Vec::new() };
+        let array = |name: String| Ok((name.clone(), self.array(&name)?.npy_array()?));
+        let arrays = names.into_iter().map(array).collect::<Result<BTreeMap<_, _>>>()?;
+        let value = record_arrays::value(product, key, &arrays, &ids);
+        value.map_err(|error| error.context(format!("product `{product}`")).in_file(&self.path))
     }
 
     /// Names of its arrays, without the array of ids.

@@ -3,9 +3,10 @@
 use super::Npz;
 use super::record::{ARCHIVE, IDS};
 use syntable_formats::encode::kind::accepts;
-use syntable_formats::encode::npy::{self, Array, NpyArrays};
+use syntable_formats::encode::npy::Array;
 use syntable_formats::encode::npz;
 use syntable_formats::include::{self, Included, IncludedProducts};
+use syntable_formats::record_arrays::{self, NamedArrays};
 use syntable_formats::writer::ProductWriter;
 use syntable_model::prelude::*;
 
@@ -15,7 +16,7 @@ impl ProductWriter for Npz {
     }
 
     fn accepts(key: &KeyId) -> Result<(), String> {
-        accepts(key, npy::check)
+        accepts(key, record_arrays::check)
     }
 
     fn paths(&self, of: &FileOf) -> Vec<String> {
@@ -23,21 +24,23 @@ impl ProductWriter for Npz {
     }
 
     fn write(&self, included: &IncludedProducts) -> Result<()> {
-        let mut arrays: Vec<(&str, Array)> = Vec::new();
+        let mut arrays: Vec<(String, Array)> = Vec::new();
         let mut ids: Option<(&str, Array)> = None;
         included.try_for_each(|product, key, value| {
-            match npy::arrays(product, key, &value, included.shape)? {
-                NpyArrays::One(array) => arrays.push((product, array)),
-                NpyArrays::PerInstance { values, ids: of } => {
-                    arrays.push((product, values));
-                    match &ids {
-                        None => ids = Some((product, of)),
-                        Some((_, same)) if *same == of => {}
-                        Some((first, _)) => {
-                            return Err(Error::new(format!("`{first}` and `{product}` are of different instances"))
-                                .help("include them in two writers of the kind npz, or write them with npy"));
-                        }
-                    }
+            let NamedArrays { arrays: own, ids: of } = record_arrays::arrays(product, key, &value, included.shape)?;
+            if let Some((name, _)) = own.iter().find(|(name, _)| name == IDS || arrays.iter().any(|(it, _)| it == name))
+            {
+                return Err(Error::new(format!("`{product}` makes an array `{name}`, and the archive has one"))
+                    .help("include the product in another writer of the kind npz, or write it with jsonl"));
+            }
+            arrays.extend(own);
+            match (&ids, of) {
+                (None, of) => ids = of.map(|of| (product, of)),
+                (Some(_), None) => {}
+                (Some((_, same)), Some(of)) if *same == of => {}
+                (Some((first, _)), Some(_)) => {
+                    return Err(Error::new(format!("`{first}` and `{product}` are of different instances"))
+                        .help("include them in two writers of the kind npz, or write them with npy"));
                 }
             }
             Ok(())
@@ -45,8 +48,8 @@ impl ProductWriter for Npz {
         if arrays.is_empty() {
             return Ok(());
         }
-        arrays.extend(ids.map(|(_, ids)| (IDS, ids)));
-        let bytes = npz::encode(arrays.iter().map(|(name, array)| (*name, array)), self.compress)?;
+        arrays.extend(ids.map(|(_, ids)| (IDS.to_owned(), ids)));
+        let bytes = npz::encode(arrays.iter().map(|(name, array)| (name.as_str(), array)), self.compress)?;
         included.write_all(ARCHIVE, &bytes)
     }
 }
