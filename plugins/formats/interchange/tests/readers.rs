@@ -80,6 +80,50 @@ fn coco_instances_are_the_masks() {
     check("coco", "masks = \"visible\"", "visible");
 }
 
+/// pycocotools reads the file, and finds the values of the products where COCO's loader puts fields.
+#[test]
+fn coco_has_own_fields_and_supercategories() {
+    let fields =
+        "include = [\"object_name\", \"occlusion_rate\", \"amodal_box\", \"object_info\", \"camera\", \"exposure\"]";
+    let folder = check("coco", &format!("{fields}\nsupercategories = {{ mug = \"kitchen\" }}"), "amodal");
+    let text = std::fs::read_to_string(folder.path().join("data/annotations/instances_train.json")).expect("there");
+    let file: Json = serde_json::from_str(&text).expect("JSON");
+    let list = |name: &str| file[name].as_array().expect("a list").iter();
+    let supercategories: Vec<&str> = list("categories").filter_map(|it| it["supercategory"].as_str()).collect();
+    assert_eq!(supercategories, ["", "", "kitchen"]);
+    let takes = takes();
+    let views: Vec<&Products> = takes.iter().flat_map(|take| &take.views).map(|(_, products)| products).collect();
+    let json =
+        |products: &Products, name: &str| serde_json::to_value(products.value(name).expect("made")).expect("JSON");
+    for (image, products) in list("images").zip(&views) {
+        assert!(["camera", "exposure"].iter().all(|name| image[name] == json(products, name)));
+    }
+    let image_of = |annotation: &Json| views[annotation["image_id"].as_u64().expect("a number") as usize - 1];
+    for annotation in list("annotations") {
+        let id = annotation["instance_id"].to_string();
+        for name in ["object_name", "occlusion_rate", "amodal_box", "object_info"] {
+            assert_eq!(annotation[name], json(image_of(annotation), name)[&id], "{name}");
+        }
+    }
+    assert!(list("annotations").count() > 20);
+
+    let refused = |options: &str| writer("coco", options).err().unwrap_or_else(|| panic!("{options}"));
+    for name in ["visible_mask", "label_policy", "keypoints"] {
+        let error = refused(&format!("include = [\"object_name\", \"{name}\"]"));
+        assert!(
+            error.contains("include[1]") && error.contains(&format!("`{name}` has the name of a field")),
+            "{error}"
+        );
+    }
+    let inputs = writer("coco", "include = [\"depth\"]").expect("options").reads();
+    let depth = inputs.iter().find(|input| input.product == "depth").expect("an input");
+    let refusal = depth.accepts.check(&DEPTH.id()).expect_err("refused");
+    assert!(refusal.starts_with("a field holds no pixels, and this is an f32 image"), "{refusal}");
+    let unknown = writer("coco", "supercategories = { cup = \"kitchen\" }").expect("options");
+    let error = finish(folder.path(), "data", &*unknown, &classes(), &[0, 1, 2]).expect_err("refused").to_string();
+    assert!(error.contains("`supercategories` names `cup`"), "{error}");
+}
+
 /// Points of objects 1 and 3: visible, hidden and outside. Object 2 has no point with these names.
 fn keypoints() -> PerInstance<Value> {
     let point = |name: &str, uv_px: Option<[f64; 2]>, visibility: u8| {

@@ -103,6 +103,7 @@ fn options_of_the_end_leave_the_scenes_alone() {
             let value = match *option {
                 "split" => "\"other\"",
                 "skip_empty_images" => "false",
+                "supercategories" => "{ object = \"thing\" }",
                 other => panic!("{kind}: a value for `{other}`"),
             };
             assert!(scenes(&format!("{option} = {value}")) == scenes(""), "{kind}: `{option}` changes scenes");

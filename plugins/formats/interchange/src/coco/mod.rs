@@ -1,6 +1,7 @@
 //! COCO detection and instance segmentation.
 
 mod check;
+mod fields;
 mod keypoints;
 mod read;
 mod record;
@@ -11,7 +12,9 @@ pub(crate) use record::{AmodalAnnotation, AmodalFields};
 pub(crate) use write::{StoredParts, file};
 
 use crate::family::write::{Family, check_split};
+use std::collections::BTreeMap;
 use syntable_formats::encode::rgb::RgbFiles;
+use syntable_formats::include::Included;
 use syntable_model::prelude::*;
 
 /// Writes COCO's layout for detection and instance segmentation.
@@ -29,6 +32,10 @@ use syntable_model::prelude::*;
 /// With `keypoints`, annotations also have x, y and visibility of each keypoint: 0 for unlabeled ones (then x and y are
 /// 0, too), 1 for hidden ones, 2 for visible ones. As in COCO's files, (0, 0) is the center of the first pixel. Every
 /// category lists the names and the `skeleton`, which connects them.
+///
+/// `include` adds products as fields under their own names: products per object to annotations, and products of the view to
+/// images. A mask is compressed run lengths, a record a JSON object. An annotation lacks the field if the product has no value
+/// for its object.
 ///
 /// # Output
 ///
@@ -51,6 +58,12 @@ pub struct Coco {
     /// Pairs of names of keypoints that viewers connect by a line.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub skeleton: Vec<[String; 2]>,
+    /// Products that annotations or images have as fields.
+    #[serde(skip_serializing_if = "Included::is_empty")]
+    pub include: Included,
+    /// Supercategories of categories, by the names of the categories.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub supercategories: BTreeMap<String, String>,
     /// Files of the color images.
     #[serde(skip_serializing_if = "RgbFiles::is_default")]
     pub rgb: RgbFiles,
@@ -73,6 +86,8 @@ impl Default for Coco {
             split: "train".into(),
             keypoints: Vec::new(),
             skeleton: Vec::new(),
+            include: Included::default(),
+            supercategories: BTreeMap::new(),
             rgb: RgbFiles::default(),
         }
     }
@@ -81,10 +96,11 @@ impl Default for Coco {
 impl Config for Coco {
     type Stage = dyn Writer;
     const KIND: &'static str = "coco";
-    const EXAMPLE: &'static str = "masks = \"amodal\"\nsplit = \"train\"";
+    const EXAMPLE: &'static str = "masks = \"amodal\"\ninclude = [\"object_name\", \"camera\"]";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
         self.rgb.check()?;
+        self.check_fields()?;
         keypoints::check_names(&self.keypoints)?;
         keypoints::check_skeleton(&self.keypoints, &self.skeleton)?;
         Ok(self.writer())

@@ -17,7 +17,12 @@ pub fn file(split: &str) -> String {
 impl Family for Coco {
     fn reads(&self) -> Vec<Input> {
         let keypoints = (!self.keypoints.is_empty()).then(|| Input::of(KEYPOINTS));
-        [Input::of(RGB), policy()].into_iter().chain(labels::box_inputs(self.masks)).chain(keypoints).collect()
+        [Input::of(RGB), policy()]
+            .into_iter()
+            .chain(labels::box_inputs(self.masks))
+            .chain(keypoints)
+            .chain(self.field_inputs())
+            .collect()
     }
 
     fn rgb(&self) -> RgbFiles {
@@ -34,24 +39,31 @@ impl Family for Coco {
             labels::partial_or_box(cx.dataset, products)?,
             StoredParts::AmodalAndBoxes,
         );
-        files.image(cx, products, labels.len())?;
+        let (of_image, mut of_objects) = self.fields(products)?;
+        files.image_with(cx, products, labels.len(), of_image)?;
         let named = if self.keypoints.is_empty() { None } else { Some(ObjectKeypoints::of(products)?) };
         labels.iter().try_for_each(|label| {
             let mut annotation = self.masks.annotation(label);
             if let Some(named) = &named {
                 named.fill(label.id, &self.keypoints, &mut annotation.extra);
             }
+            annotation.extra.extra.extend(of_objects.remove(&label.id).unwrap_or_default());
             files.annotation(&annotation)
         })
     }
 
-    fn categories(&self, dataset: &DatasetInfo) -> Vec<Category> {
+    fn finish_options(&self) -> &'static [&'static str] {
+        &["split", "supercategories"]
+    }
+
+    fn categories(&self, dataset: &DatasetInfo) -> Result<Vec<Category>> {
         let mut categories = categories(dataset);
+        self.set_supercategories(&mut categories)?;
         if !self.keypoints.is_empty() {
             let extra = keypoints::of_category(&self.keypoints, &self.skeleton);
             categories.iter_mut().for_each(|category| category.extra = extra.clone());
         }
-        categories
+        Ok(categories)
     }
 }
 

@@ -48,8 +48,8 @@ impl Family for CocoPanoptic {
         &[]
     }
 
-    fn categories(&self, dataset: &DatasetInfo) -> Vec<Category> {
-        with_background(dataset)
+    fn categories(&self, dataset: &DatasetInfo) -> Result<Vec<Category>> {
+        Ok(with_background(dataset))
     }
 
     fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {

@@ -42,8 +42,8 @@ pub trait Family: Send + Sync + Sized + 'static {
     fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()>;
 
     /// The categories of the annotation file.
-    fn categories(&self, dataset: &DatasetInfo) -> Vec<Category> {
-        categories(dataset)
+    fn categories(&self, dataset: &DatasetInfo) -> Result<Vec<Category>> {
+        Ok(categories(dataset))
     }
 
     /// The images that the annotation file lists.
@@ -58,7 +58,7 @@ pub trait Family: Send + Sync + Sized + 'static {
 
     /// Writes the files of the dataset.
     fn finish(&self, cx: &DatasetContext, finish: &Finish) -> Result<()> {
-        merge(cx, finish, &self.file(), &self.categories(cx.dataset), self.listed())
+        merge(cx, finish, &self.file(), &self.categories(cx.dataset)?, self.listed())
     }
 
     /// The writer.
@@ -127,8 +127,19 @@ pub struct SceneFiles<'a> {
 impl SceneFiles<'_> {
     /// Writes the image of a view and its record. The records of `annotations` annotations follow it.
     pub fn image(&mut self, cx: &ImageContext, products: &Products, annotations: usize) -> Result<()> {
+        self.image_with(cx, products, annotations, Extra::new())
+    }
+
+    /// As [`Self::image`], with further fields of the record.
+    pub fn image_with(
+        &mut self,
+        cx: &ImageContext,
+        products: &Products,
+        annotations: usize,
+        extra: Extra,
+    ) -> Result<()> {
         let name = self.rgb.file_name(&view_name(cx.scene_id, cx.view_id));
-        self.image_in(IMAGES, name, products, annotations, Extra::new())
+        self.image_in(IMAGES, name, products, annotations, extra)
     }
 
     /// Writes the image of a view to `folder` inside the writer's folder. Its record contains `name`, the path relative

@@ -43,7 +43,7 @@ impl Family for InstaOrder {
     }
 
     fn finish(&self, cx: &DatasetContext, finish: &Finish) -> Result<()> {
-        merge(cx, finish, &self.file(), &self.categories(cx.dataset), ListedImages::All)?;
+        merge(cx, finish, &self.file(), &self.categories(cx.dataset)?, ListedImages::All)?;
         merge_orders(cx, finish, &self.orders())
     }
 

@@ -46,9 +46,9 @@ impl Family for Uoais {
         &["skip_empty_images"]
     }
 
-    fn categories(&self, _: &DatasetInfo) -> Vec<Category> {
+    fn categories(&self, _: &DatasetInfo) -> Result<Vec<Category>> {
         let (name, supercategory) = ("object".into(), SUPERCATEGORY.into());
-        vec![Category { id: CATEGORY, name, supercategory, ..Category::default() }]
+        Ok(vec![Category { id: CATEGORY, name, supercategory, ..Category::default() }])
     }
 
     fn listed(&self) -> ListedImages {
