@@ -52,6 +52,7 @@ pub use tables::rig::Rig;
 pub use tables::split::{PartSizes, Split, SplitPart};
 pub use text::code::Code;
 pub use text::diagnostic::{Diagnostic, Label, Severity};
+pub use text::fix::{Fix, diff, fixed};
 pub use text::message;
 pub use text::origin::{BUILTINS, Builtin, Source};
 pub use text::report::Report;

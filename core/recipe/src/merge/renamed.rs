@@ -6,6 +6,7 @@
 use crate::tables::check;
 use crate::text::code::Code;
 use crate::text::diagnostic::DiagnosticBuilder;
+use crate::text::fix::Change;
 use crate::text::source::Span;
 use syntable_model::product::standard::RENAMED as PRODUCTS;
 use syntable_model::registry::Slot;
@@ -37,11 +38,16 @@ pub(crate) const RENAMED: RenamedNames<'static> = RenamedNames {
 };
 
 impl RenamedNames<'_> {
-    /// The error for an old kind.
-    pub fn kind(&self, slot: Slot, kind: &str, span: &Span) -> Option<DiagnosticBuilder> {
+    /// The error for an old kind. `is_id` if the id of the table is the kind.
+    pub fn kind(&self, slot: Slot, kind: &str, is_id: bool, span: &Span) -> Option<DiagnosticBuilder> {
         let (_, _, new) = self.kinds.iter().find(|(of, old, _)| *of == slot && *old == kind)?;
         let message = format!("the kind `{kind}` of `{slot}` is called `{new}` now");
-        Some(DiagnosticBuilder::error(Code::Renamed, span.clone(), message).label(format!("write `{new}`")))
+        let diagnostic = DiagnosticBuilder::error(Code::Renamed, span.clone(), message).label(format!("write `{new}`"));
+        Some(diagnostic.change(match is_id {
+            // The id of the table names its folder and its random numbers, and stays.
+            true => Change::LineBelow(format!("kind = \"{new}\"")),
+            false => Change::Word { old: kind.to_owned(), new: (*new).to_owned() },
+        }))
     }
 
     /// The error for an old product.
@@ -49,7 +55,9 @@ impl RenamedNames<'_> {
         let listed = self.products.iter().find(|(old, _)| *old == name).map(|(_, new)| (*new).to_owned());
         let new = listed.or_else(|| before_support(name))?;
         let message = format!("the product `{name}` is called `{new}` now");
-        Some(DiagnosticBuilder::error(Code::Renamed, span.clone(), message).label(format!("write \"{new}\"")))
+        let diagnostic =
+            DiagnosticBuilder::error(Code::Renamed, span.clone(), message).label(format!("write \"{new}\""));
+        Some(diagnostic.change(Change::Word { old: name.to_owned(), new }))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::text::code::Code;
 use crate::text::diagnostic::DiagnosticBuilder;
+use crate::text::fix::Change;
 use crate::text::source::Span;
 use crate::text::suggest::{did_you_mean, listing, nearest};
 use serde_json::Value as Json;
@@ -75,8 +76,17 @@ pub(crate) fn options(
 pub(crate) fn renamed_key(owner: &str, span: Span, old: &str, new: &str) -> DiagnosticBuilder {
     // The label marks the last word of the old path: in the same table the new word is enough.
     let beside = old.rsplit_once('.').and_then(|(table, _)| new.strip_prefix(table)?.strip_prefix('.'));
-    DiagnosticBuilder::error(Code::Renamed, span, format!("`{old}` of `{owner}` is called `{new}` now"))
-        .label(format!("write `{}`", beside.unwrap_or(new)))
+    let diagnostic =
+        DiagnosticBuilder::error(Code::Renamed, span, format!("`{old}` of `{owner}` is called `{new}` now"))
+            .label(format!("write `{}`", beside.unwrap_or(new)));
+    match (old.rsplit_once('.'), beside) {
+        // The new option is in another table.
+        (Some(_), None) => diagnostic,
+        (words, beside) => diagnostic.change(Change::Word {
+            old: words.map_or(old, |(_, word)| word).to_owned(),
+            new: beside.unwrap_or(new).to_owned(),
+        }),
+    }
 }
 
 /// The keys of a path, without indices of arrays.

@@ -179,6 +179,7 @@ impl<'r> Loader<'_, 'r> {
         let slot = given.slot;
         let kinds = || self.registry.of_slot(slot).map(|entry| entry.kind);
         let keyed = slot.shape() == Shape::Keyed;
+        let is_id = !given.table.contains_key("kind");
         let (kind, span) = match given.table.remove("kind") {
             Some(value) => match value.get_ref() {
                 DeValue::String(kind) => (kind.clone().into_owned(), value.span()),
@@ -211,7 +212,7 @@ impl<'r> Loader<'_, 'r> {
             }
         };
         let Some(entry) = self.registry.find(slot, &kind) else {
-            if let Some(diagnostic) = self.renamed.kind(slot, &kind, &span) {
+            if let Some(diagnostic) = self.renamed.kind(slot, &kind, is_id, &span) {
                 diagnostics.push(diagnostic);
                 return None;
             }

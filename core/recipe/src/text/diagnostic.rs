@@ -1,6 +1,7 @@
 //! Diagnostics: the mistakes of a recipe, their places, and how to fix them.
 
 use crate::text::code::Code;
+use crate::text::fix::{Change, Fix};
 use crate::text::source::{SourceFile, Sources, Span};
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet, normalize_untrusted_str};
 use std::ops::Range;
@@ -46,6 +47,8 @@ pub struct Diagnostic {
     pub labels: Vec<Label>,
     /// Notes and fixes, one line each.
     pub help: Vec<String>,
+    /// The change of the text that removes the mistake, if the program knows it.
+    pub fix: Option<Fix>,
 }
 
 impl Diagnostic {
@@ -93,12 +96,14 @@ pub(crate) struct DiagnosticBuilder {
     pub message: String,
     pub marks: Vec<(Span, String)>,
     pub help: Vec<String>,
+    /// The change of the marked text that removes the mistake.
+    pub change: Option<Change>,
 }
 
 impl DiagnosticBuilder {
     pub fn error(code: Code, span: Span, message: impl Into<String>) -> Self {
         let marks = vec![(span, String::new())];
-        Self { code, severity: Severity::Error, message: message.into(), marks, help: Vec::new() }
+        Self { code, severity: Severity::Error, message: message.into(), marks, help: Vec::new(), change: None }
     }
 
     pub fn warning(code: Code, span: Span, message: impl Into<String>) -> Self {
@@ -123,19 +128,29 @@ impl DiagnosticBuilder {
         self
     }
 
+    /// Adds the change of the marked text that removes the mistake.
+    pub fn change(mut self, change: Change) -> Self {
+        self.change = Some(change);
+        self
+    }
+
     /// The diagnostic: spans become labels. [`NOWHERE`](super::source::NOWHERE) has none, so that the diagnostic is about the recipe.
     pub fn build(self, sources: &Sources) -> Diagnostic {
         let label = |(span, message): (Span, String)| {
             let file = Arc::clone(sources.file_of(&span)?);
             Some(Label { span: file.local(&span), file, message })
         };
+        let fix = self.change.zip(self.marks.first()).and_then(|(change, (span, _))| {
+            let file = Arc::clone(sources.file_of(span)?);
+            change.of(file.local(span), file)
+        });
         let mut labels: Vec<Label> = self.marks.into_iter().filter_map(label).collect();
         if labels.is_empty()
             && let Some(root) = sources.root()
         {
             labels.push(Label { file: Arc::clone(root), span: 0..0, message: String::new() });
         }
-        Diagnostic { code: self.code, severity: self.severity, message: self.message, labels, help: self.help }
+        Diagnostic { code: self.code, severity: self.severity, message: self.message, labels, help: self.help, fix }
     }
 
     /// The range at fault.

@@ -2,6 +2,7 @@
 
 pub(crate) mod code;
 pub(crate) mod diagnostic;
+pub(crate) mod fix;
 pub(crate) mod key_path;
 pub mod message;
 pub(crate) mod origin;
