@@ -11,6 +11,13 @@ pub struct RecipeArgs {
     /// Recipe file, or `builtin:NAME` for a built-in recipe (see `syntable list recipes`). Default:
     /// `builtin:quickstart`.
     pub recipe: Option<PathBuf>,
+    #[command(flatten)]
+    pub changes: RecipeChanges,
+}
+
+/// Changes to recipes: the part of [`RecipeArgs`] without the recipe.
+#[derive(Debug, Clone, Default, Args)]
+pub struct RecipeChanges {
     /// Set a key: `a.b=value`, `place[2].count=5`. The value is TOML; a bare word is text.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
@@ -25,13 +32,20 @@ pub struct RecipeArgs {
 impl RecipeArgs {
     /// The recipe and its changes as an argument of library functions.
     pub fn request(&self) -> RecipeRequest {
-        let Self { recipe, set, seed, views } = self.clone();
-        RecipeRequest { recipe, set, seed, views }
+        self.changes.request(self.recipe.clone())
     }
 
     /// The text of the recipe, and its changes.
     pub fn read(&self) -> Result<(Source, Overrides<'static>), Exit> {
         self.request().read().map_err(Exit::wrong)
+    }
+}
+
+impl RecipeChanges {
+    /// A recipe with these changes as an argument of library functions.
+    pub fn request(&self, recipe: Option<PathBuf>) -> RecipeRequest {
+        let Self { set, seed, views } = self.clone();
+        RecipeRequest { recipe, set, seed, views }
     }
 }
 

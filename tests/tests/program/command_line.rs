@@ -62,6 +62,53 @@ fn check_finds_every_mistake_at_once() {
     assert!(ok(syntable().args(["check", "recipes/quickstart.toml"])).contains("no errors; "));
 }
 
+/// Only old names change, and only in files that the command line names.
+#[test]
+fn check_rewrites_old_names() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let base = "extends = \"builtin:quickstart\"\n# The former name stays in words: longest_side_m.\n[assets.mugs]\n\
+                kind = \"household\"   # procedural\nlongest_side_m = 0.1  # a mug\n";
+    let own = "extends = 'base.toml'\n\n[render]\n  max_indirect_luminance_nits = 1000 # keep\n\n[write.more]\nkind = \"npy\"\n\
+               include = [ 'albedo_mean', \"rgb\" ]\n\n[set]\nplace.objects.from = { objects = 1, mugs = 1 }\n";
+    std::fs::write(path("base.toml"), base).expect("writable");
+    std::fs::write(path("own.toml"), own).expect("writable");
+    let check = |names: &[&str]| {
+        let mut check = syntable();
+        check.current_dir(folder.path()).args(["check", "--fix"]).args(names);
+        check
+    };
+    let text = |name: &str| std::fs::read_to_string(path(name)).expect("there");
+    let new = own.replace("max_indirect_luminance_nits", "clamp_nits").replace("albedo_mean", "denoise_albedo");
+    // The base has an old name, too.
+    let output = check(&["own.toml"]).output().expect("starts");
+    assert_eq!(output.status.code(), Some(2));
+    assert_eq!((text("own.toml"), text("base.toml")), (new, base.to_owned()));
+    let said = String::from_utf8(output.stdout).expect("UTF-8");
+    let want = "--- own.toml\n+++ own.toml\n@@ -4 +4 @@\n-  max_indirect_luminance_nits = 1000 # keep\n\
+                +  clamp_nits = 1000 # keep\n@@ -8 +8 @@\n-include = [ 'albedo_mean', \"rgb\" ]\n\
+                +include = [ 'denoise_albedo', \"rgb\" ]\n";
+    assert!(said.starts_with(want), "{said}");
+    let said = ok(&mut check(&["own.toml", "base.toml"]));
+    assert_eq!(text("base.toml"), base.replace("\nlongest_side_m", "\nscale.longest_side_m"));
+    assert!(said.contains("own.toml: ") && said.ends_with("2 recipes: 2 without errors, 0 with errors\n"), "{said}");
+    assert!(ok(&mut check(&["own.toml"])).starts_with("no old names found\n"));
+    assert!(fails(&mut check(&["builtin:quickstart"]), 2).contains("--fix rewrites files"));
+}
+
+#[test]
+fn check_takes_several_recipes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("bad.toml");
+    std::fs::write(&file, "extends = \"builtin:quickstart\"\n[rendr]\n").expect("writable");
+    let output = syntable().args(["check", "builtin:quickstart"]).arg(&file).output().expect("starts");
+    let [said, error] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said.contains("builtin:quickstart: ") && said.contains("bad.toml: has errors\n"), "{said}");
+    assert!(said.ends_with("2 recipes: 1 without errors, 1 with errors\n"), "{said}");
+    assert!(error.contains("rendr"), "{error}");
+}
+
 #[test]
 fn a_missing_library_is_told_before_anything_is_rendered() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,7 +1,7 @@
 //! `syntable list`.
 
 use super::check::PrintedLog;
-use crate::arguments::RecipeArgs;
+use crate::arguments::{RecipeArgs, RecipeChanges};
 use crate::console::Console;
 use crate::exit::Exit;
 use crate::verb::topics;
@@ -95,7 +95,8 @@ pub(crate) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> s
 /// The assets of a recipe's pools: part, license, and the probability that each drawing option selects it.
 fn assets(console: &Console, registry: &Registry, args: &ListArgs, path: &Path) -> std::result::Result<(), Exit> {
     let log = PrintedLog(console);
-    let of_run = RecipeArgs { recipe: Some(path.to_owned()), set: args.set.clone(), seed: None, views: None };
+    let changes = RecipeChanges { set: args.set.clone(), ..RecipeChanges::default() };
+    let of_run = RecipeArgs { recipe: Some(path.to_owned()), changes };
     let (source, overrides) = of_run.read()?;
     let recipe = syntable_recipe::load(registry, source, &overrides.with_existing_paths());
     let recipe = console.loaded(recipe)?;
