@@ -144,8 +144,8 @@ fn column_of(column: &[Option<&Value>]) -> Option<Array> {
     Some(Array { descr: "<f8".into(), shape: [vec![column.len()], shape].concat(), bytes })
 }
 
-/// The product of an array: the product with the array's name, or else the product with the longest name of whose
-/// records the array may be a field. The array's own name if no product of a linked crate fits.
+/// The product of an array: the product with the array's name, or else the product of records with the longest name that
+/// begins the array's name. The array's own name if no product of a linked crate fits.
 pub fn product_of(array: &str) -> String {
     let keys = linked();
     if keys.iter().any(|key| key.is(array)) {

@@ -75,7 +75,7 @@ impl Coco {
         Ok((of_image, of_objects))
     }
 
-    /// The supercategories of the recipe, in addition to those of a converted dataset.
+    /// The supercategories of the recipe, beside supercategories of a converted dataset.
     pub(super) fn set_supercategories(&self, categories: &mut [coco::Category]) -> Result<()> {
         for (name, supercategory) in &self.supercategories {
             let Some(category) = categories.iter_mut().find(|category| category.name == *name) else {
