@@ -34,6 +34,8 @@ pub struct Error {
 enum Cause {
     /// Every attempt at every scene would fail: the run stops.
     Permanent,
+    /// As [`Permanent`](Self::Permanent): sound content of a file, in a variant that this program does not read.
+    Unsupported,
     /// Other random numbers may avoid it: the scene is tried again.
     Chance,
     /// The caller asked to stop: the same command continues where the run stopped.
@@ -72,6 +74,17 @@ impl Error {
             context: Vec::new(),
             cause: Cause::Permanent,
         }
+    }
+
+    /// Content in a variant of a format that this program does not read, in a file that may be sound. A reader that can
+    /// do without the content warns and continues.
+    pub fn unsupported(message: impl Into<String>) -> Self {
+        Self { cause: Cause::Unsupported, ..Self::new(message) }
+    }
+
+    /// Whether the content is in a variant that this program does not read.
+    pub fn is_unsupported(&self) -> bool {
+        self.cause == Cause::Unsupported
     }
 
     /// A failed operation of the file system.
@@ -150,7 +163,7 @@ impl Error {
     /// Marks a permanent error as caused by random numbers, for the code that drew them. Other errors, such as failures
     /// of the file system and of devices, stay unchanged.
     pub fn by_chance(mut self) -> Self {
-        if self.cause == Cause::Permanent {
+        if self.is_permanent() {
             self.cause = Cause::Chance;
         }
         self
@@ -168,7 +181,7 @@ impl Error {
 
     /// Whether every attempt at every scene would meet this error.
     pub fn is_permanent(&self) -> bool {
-        self.cause == Cause::Permanent
+        matches!(self.cause, Cause::Permanent | Cause::Unsupported)
     }
 
     /// Marks the error as a fault of the command, whatever its cause was: the same command fails again.
@@ -204,6 +217,12 @@ impl Error {
     /// Adds the operation in progress, outermost last: `object \`mug\``, `scene 3`.
     pub fn context(mut self, doing: impl Into<String>) -> Self {
         self.context.push(cut(doing.into()));
+        self
+    }
+
+    /// Adds the consequence to the message.
+    pub fn with_consequence(mut self, consequence: &str) -> Self {
+        self.message = cut(format!("{}; {consequence}", self.message));
         self
     }
 

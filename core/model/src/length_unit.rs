@@ -20,6 +20,17 @@ pub enum LengthUnit {
 }
 
 impl LengthUnit {
+    /// The unit in recipes.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::M => "m",
+            Self::Cm => "cm",
+            Self::Mm => "mm",
+            Self::In => "in",
+            Self::Ft => "ft",
+        }
+    }
+
     /// Meters per unit.
     pub fn meters(self) -> f64 {
         match self {

@@ -33,6 +33,25 @@ pub const IMAGE_PIXELS: Limit = Limit {
     remedy: "downscale the image, or cut it into tiles with labels of their own",
 };
 
+/// Levels of folders below the root of a pool that are searched.
+pub const FOLDER_DEPTH: Limit = Limit {
+    what: "levels of folders below the root of a pool that are searched",
+    most: 8,
+    is_bytes: false,
+    why: "collections have three or four; a search of a whole disk would take hours. Symbolic links to folders are not \
+          searched, because they may form circles",
+    remedy: "name a folder further down, or the linked folder, as the `root` of a pool",
+};
+
+/// Files and folders below the root of a pool.
+pub const FOLDER_ENTRIES: Limit = Limit {
+    what: "files and folders below the root of a pool",
+    most: 1_000_000,
+    is_bytes: false,
+    why: "the largest collections of meshes have as many files; each takes some hundred bytes of memory",
+    remedy: "name a folder further down as the `root` of a pool",
+};
+
 /// Bytes of an image after decoding.
 pub const IMAGE_BYTES: Limit = Limit {
     what: "bytes of a decoded image",
@@ -274,6 +293,8 @@ pub const ALL: &[Limit] = &[
     TEMPLATE_RANGE,
     SMALL_FILE_BYTES,
     LIST_BYTES,
+    FOLDER_DEPTH,
+    FOLDER_ENTRIES,
     RUN_LIST_BYTES,
     SCENE_RECORD_BYTES,
     CANVAS_PIXELS,

@@ -5,12 +5,13 @@
 //! collect them in a fixed order and refuse two formats that claim the same name or extension.
 
 use crate::Model;
+use crate::foreign;
 use crate::image::DecodedImage;
 use crate::limits::Budget;
 use crate::root::AssetRoot;
 use crate::scan::extension;
 use crate::up::Up;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::inventory;
@@ -47,8 +48,10 @@ pub struct MeshFormat {
     pub states_up_axis: bool,
     /// If a mesh exists in several formats, the format of highest preference is read; ties go by name.
     pub preference: u32,
-    /// Guesses the unit of a file that states none, for `check --asset`. Sources ask the recipe instead.
-    pub guess_unit: fn(&Path, &Model) -> Unit,
+    /// The unit of a file by its name, for `check --asset`. Sources ask the recipe instead.
+    pub unit_of: fn(&Path) -> Unit,
+    /// The meshes that a file is made of, relative to the root: they are no objects of their own.
+    pub parts: fn(&AssetRoot, &Path) -> Vec<PathBuf>,
     /// The crate that registered it.
     pub crate_name: &'static str,
 }
@@ -62,7 +65,8 @@ impl MeshFormat {
             read,
             states_up_axis: false,
             preference: 0,
-            guess_unit: |_, _| Unit::METER,
+            unit_of: |_| Unit::METER,
+            parts: |_, _| Vec::new(),
             crate_name: "",
         }
     }
@@ -79,9 +83,15 @@ impl MeshFormat {
         self
     }
 
-    /// Sets the guess of the unit in `check --asset`.
-    pub const fn with_unit_guess(mut self, guess: fn(&Path, &Model) -> Unit) -> Self {
-        self.guess_unit = guess;
+    /// Sets the unit by the name of a file in `check --asset`.
+    pub const fn with_unit_by_name(mut self, unit: fn(&Path) -> Unit) -> Self {
+        self.unit_of = unit;
+        self
+    }
+
+    /// Declares that files are made of other meshes.
+    pub const fn with_parts(mut self, parts: fn(&AssetRoot, &Path) -> Vec<PathBuf>) -> Self {
+        self.parts = parts;
         self
     }
 
@@ -142,9 +152,14 @@ impl MeshFormats {
     pub fn read(&self, root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
         match self.of_file(file) {
             Some(format) => (format.read)(root, file, log),
-            None => Err(Error::new(format!("`.{}` is not a mesh format", extension(file)))
-                .in_file(root.folder().join(file))
-                .help(format!("the mesh formats are {}", self.names("and")))),
+            None => {
+                let path = root.folder().join(file);
+                Err(foreign::refusal(&path, self).unwrap_or_else(|| {
+                    Error::new(format!("`.{}` is not a mesh format", extension(file)))
+                        .in_file(path)
+                        .help(format!("the mesh formats are {}", self.names("and")))
+                }))
+            }
         }
     }
 
@@ -223,17 +238,29 @@ impl DecodedImage {
         Self::decode(&root.read(path)?, root.budget()).map_err(|error| error.in_file(path))
     }
 
-    /// As [`read`](Self::read), for an image that an asset can do without: none, after a warning, if its format is unknown.
+    /// As [`read`](Self::read), for an image that an asset can do without: none, after a warning, if its format is
+    /// unknown or its kind unsupported.
     pub fn read_if_known(root: &AssetRoot, path: &Path, warn: impl FnOnce(Error)) -> Result<Option<Self>> {
         let (bytes, formats) = (root.read(path)?, ImageFormats::linked()?);
         // Other content under the name of a known format is damage.
         let is_named = formats.0.iter().any(|format| format.accepts(path));
-        if !is_named && formats.0.iter().all(|format| !(format.matches)(&bytes)) {
-            let error = Error::new("an image of an unknown format; using a constant color");
-            warn(error.help(formats.known_textures()).in_file(path));
-            return Ok(None);
+        let decoded = if !is_named && formats.0.iter().all(|format| !(format.matches)(&bytes)) {
+            Err(Error::unsupported("an image of an unknown format").help(formats.known_textures()))
+        } else {
+            formats.decode_texture(&bytes, root.budget())
+        };
+        Self::if_supported(decoded.map_err(|error| error.in_file(path)), warn)
+    }
+
+    /// None, after a warning, for an image of an unsupported kind.
+    pub fn if_supported(decoded: Result<Self>, warn: impl FnOnce(Error)) -> Result<Option<Self>> {
+        match decoded {
+            Err(error) if error.is_unsupported() => {
+                warn(error.with_consequence("using a constant color"));
+                Ok(None)
+            }
+            decoded => decoded.map(Some),
         }
-        formats.decode_texture(&bytes, root.budget()).map(Some).map_err(|error| error.in_file(path))
     }
 
     /// Decodes an image of any registered format.

@@ -1,29 +1,37 @@
 //! Reports of `syntable check --asset PATH` on meshes and images.
 //!
-//! A mesh is loaded in the same way as by a source, and its extent is checked without a scale.
+//! A mesh is loaded in the same way as by a source, and its size is checked as by a pool without options.
 
 use crate::format::{ImageFormats, MeshFormats, Unit};
 use crate::image::DecodedImage;
 use crate::root::AssetRoot;
 use crate::scan::{extension, name_of};
-use crate::{ObjectInfo, environment, size};
+use crate::size::{self, StatedLengths};
+use crate::{ObjectInfo, environment};
 use std::path::{Path, PathBuf};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::inspect::Inspection;
 use syntable_model::scene::{EnvironmentMap, MassOrigin, MassProperties, Object, Topology};
 
+/// Folders of robot descriptions, which have their meshes beside them.
+const DESCRIPTIONS: [&str; 3] = ["urdf", "urdfs", "robots"];
+
 /// A mesh with more separate parts probably has several objects.
 const MAX_PARTS: usize = 2;
 
 /// Inspects a mesh file at a path. The file may refer to files of its own folder; in the layout of Google Scanned
-/// Objects, `<name>/meshes/model.obj` next to `<name>/materials`, to files of the object's folder.
+/// Objects, `<name>/meshes/model.obj` next to `<name>/materials`, and of ROS, `<name>/urdf/model.urdf`, to files of the
+/// folder above.
 pub fn mesh_file(path: &Path, log: &dyn Log) -> Result<Inspection> {
     let folder = folder_of(path);
     let above = folder.parent().filter(|above| *above != Path::new(""));
     match above {
         Some(above) if name_of(folder) == "meshes" && above.join("materials").is_dir() => {
             mesh(&AssetRoot::open(above)?, &Path::new("meshes").join(name_of(path)), log)
+        }
+        Some(above) if DESCRIPTIONS.contains(&name_of(folder).as_str()) => {
+            mesh(&AssetRoot::open(above)?, &Path::new(&name_of(folder)).join(name_of(path)), log)
         }
         _ if folder.is_dir() => mesh(&AssetRoot::open(folder)?, &PathBuf::from(name_of(path)), log),
         _ => Err(Error::new("no such file").in_file(path)),
@@ -42,12 +50,13 @@ pub fn mesh(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Inspection> 
     let formats = MeshFormats::linked()?;
     let shown = root.folder().join(file);
     let model = formats.read(root, file, log)?;
-    let unit = formats.of_file(file).map_or(Unit::METER, |format| (format.guess_unit)(file, &model));
+    let unit = formats.of_file(file).map_or(Unit::METER, |format| (format.unit_of)(file));
     let model = if unit.meters == 1.0 { model } else { model.scaled(unit.meters) };
     let info = ObjectInfo { name: name_of(file), ..ObjectInfo::default() };
     let (object, topology) = model.into_object(info, &shown, log)?;
-    object.check_extent().map_err(|error| error.in_file(&shown))?;
-    if let Some(doubt) = size::doubt(object.mesh.bounds().size().max()) {
+    let longest = object.mesh.bounds().size().max();
+    size::check(longest, StatedLengths::default()).map_err(|error| error.in_file(&shown))?;
+    if let Some(doubt) = size::doubt(longest) {
         log.warn(&doubt.in_file(&shown));
     }
     let parts = topology.significant_parts();

@@ -3,7 +3,7 @@
 //! - [`root`] resolves the file names that assets contain and keeps them inside the asset's folder; [`scan`] lists
 //!   folders in a fixed order; [`text`] and [`polygon`] help readers of text formats and of polygons.
 //! - A reader produces a [`Model`]: triangles and materials as the file states them; [`paint`] helps with colors by
-//!   vertex and by face. [`repair`] makes the mesh valid, and [`Model::into_object`] turns it into an object for pools.
+//!   vertex and by face, and [`placement`] moves a model. [`repair`] makes the mesh valid, and [`Model::into_object`] turns it into an object for pools.
 //!   [`mass`] estimates its mass.
 //! - [`format`](mod@format) holds the registries of mesh and image formats. A crate adds a format with
 //!   [`register_mesh_format!`] or [`register_image_format!`]; `mesh_folder`, textures, environment maps and
@@ -43,6 +43,7 @@
 
 mod digest;
 pub mod environment;
+pub mod foreign;
 pub mod format;
 pub mod image;
 pub mod inspect;
@@ -52,6 +53,7 @@ pub mod material;
 mod model;
 mod object;
 pub mod paint;
+pub mod placement;
 pub mod polygon;
 pub mod repair;
 pub mod root;

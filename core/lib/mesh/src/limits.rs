@@ -31,6 +31,11 @@ impl Budget {
         }
     }
 
+    /// Number of bytes that can still be reserved.
+    pub fn bytes_left(&self) -> u64 {
+        self.limits.megabytes.saturating_mul(1_000_000).saturating_sub(self.bytes.load(Ordering::Relaxed))
+    }
+
     /// Reserves an image. Refuses an image without pixels, or with more than `max_side` pixels along a side.
     pub fn image(&self, width: u64, height: u64, max_side: u64) -> Result<()> {
         if width == 0 || height == 0 {

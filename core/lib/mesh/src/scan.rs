@@ -3,9 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
-
-/// Maximum number of entries below one root.
-const MAX_ENTRIES: usize = 1_000_000;
+use syntable_model::limits::FOLDER_ENTRIES;
 
 /// Names in a folder.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
@@ -39,9 +37,7 @@ pub fn list(folder: &Path) -> Result<FolderNames> {
     let io = |error: std::io::Error| Error::io(folder, &error);
     let mut listing = FolderNames::default();
     for (count, entry) in fs::read_dir(folder).map_err(io)?.enumerate() {
-        if count >= MAX_ENTRIES {
-            return Err(Error::new(format!("more than {MAX_ENTRIES} entries")).in_file(folder));
-        }
+        FOLDER_ENTRIES.check(count as u64 + 1).map_err(|error| error.in_file(folder))?;
         let entry = entry.map_err(io)?;
         let Ok(name) = entry.file_name().into_string() else {
             listing.unnamed += 1;
@@ -87,9 +83,7 @@ pub fn walk(root: &Path, depth: usize, wanted: &dyn Fn(&Path) -> bool) -> Result
         let FolderNames { folders, files, linked, unnamed } = list(&root.join(&folder))?;
         found.unnamed += unnamed;
         seen += folders.len() + files.len();
-        if seen > MAX_ENTRIES {
-            return Err(Error::new(format!("more than {MAX_ENTRIES} entries")).in_file(root));
-        }
+        FOLDER_ENTRIES.check(seen as u64).map_err(|error| error.in_file(root))?;
         found.files.extend(files.iter().map(|name| folder.join(name)).filter(|path| wanted(path)));
         for name in folders {
             let path = folder.join(&name);

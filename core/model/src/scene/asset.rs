@@ -225,9 +225,6 @@ pub struct Object {
     pub digest: Digest,
 }
 
-/// Largest side of an object's bounding box that makes sense on a table, meters: half a millimeter to ten meters.
-pub const EXTENT_M: std::ops::RangeInclusive<f64> = 5e-4..=10.0;
-
 impl Object {
     /// The object moved and scaled: `p ↦ (p + offset) · factor`, with its collision shape, its keypoints, the media of
     /// its materials, and the origin and the symmetries of its model. The density stays the same, so the mass grows
@@ -269,31 +266,5 @@ impl Object {
         };
         let digest = keypoints.iter().fold(Hasher::new("keypoints").digest(self.digest), add).finish();
         Self { keypoints, digest, ..self }
-    }
-
-    /// Refuses an object whose largest extent is outside [`EXTENT_M`]: its file has another unit than meters, or is
-    /// broken. Call this after scaling.
-    pub fn check_extent(&self) -> Result<()> {
-        let extent = self.mesh.bounds().size().max();
-        if EXTENT_M.contains(&extent) {
-            return Ok(());
-        }
-        let shown = if (1e-3..1e4).contains(&extent) { format!("{extent:.3}") } else { format!("{extent:.3e}") };
-        let units = [(1e-3, "millimeters"), (1e-2, "centimeters"), (0.0254, "inches"), (1e3, "kilometers")];
-        let fitting: Vec<String> = units
-            .iter()
-            .filter(|(scale, _)| (*scale < 1.0) == (extent > 1.0) && EXTENT_M.contains(&(extent * scale)))
-            .map(|(scale, unit)| format!("`scale = {scale}` if the file is in {unit}"))
-            .collect();
-        let help = match fitting.as_slice() {
-            [] => "no unit of length explains this: the file is broken".to_owned(),
-            some => format!("set {}", some.join(", ")),
-        };
-        Err(Error::new(format!(
-            "object extent {shown} m is outside the allowed range of {} m to {} m",
-            EXTENT_M.start(),
-            EXTENT_M.end()
-        ))
-        .help(help))
     }
 }

@@ -23,9 +23,7 @@ mod texture;
 mod topology;
 
 pub use articulation::{Articulation, Joint, JointKind, Link};
-pub use asset::{
-    Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, EXTENT_M, Keypoint, Object, SourceModel,
-};
+pub use asset::{Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, Keypoint, Object, SourceModel};
 pub use body::{Body, BodyDraft, BodyHandle, InstanceId, Motion, Role};
 pub use camera::{Camera, Distortion, Exposure, Fisheye, Intrinsics, Optics, Polynomial, Rays, ThinLens};
 pub use environment::EnvironmentMap;

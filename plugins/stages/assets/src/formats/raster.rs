@@ -1,6 +1,6 @@
 //! Decoding of 8-bit textures with the `image` crate.
 
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 use std::io::Cursor;
 use syntable_mesh::image::{DecodedImage, MAX_SIDE};
 use syntable_mesh::limits::Budget;
@@ -8,7 +8,11 @@ use syntable_model::error::{Error, Result};
 
 /// Decodes an image to RGBA. Palettes and gray become color, 16 bits become 8, CMYK becomes RGB as Adobe stores it.
 pub(super) fn decode(name: &str, format: ImageFormat, bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
-    let broken = |error: image::ImageError| Error::new(format!("not a valid {name}: {error}"));
+    let broken = |error: ImageError| match error {
+        ImageError::Unsupported(_) => Error::unsupported(format!("a {name} of an unsupported kind: {error}"))
+            .help("save the image as PNG, with 8 bits per channel"),
+        error => Error::new(format!("not a valid {name}: {error}")),
+    };
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     // The size is checked below; the decoders check their own buffers against this limit.
     let mut limits = Limits::default();

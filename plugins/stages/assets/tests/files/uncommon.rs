@@ -95,6 +95,24 @@ fn textures_of_unknown_formats_leave_a_constant_color() {
     };
     psd(&folder.path().join("it"));
     check(folder.path(), "it", "psd", &Warn("texture.psd: an image of an unknown format; using a constant color"));
+    // A TIFF of one pixel that is packed by JPEG 2000: a sound file of a kind that is not read.
+    let entries: [[u32; 2]; 9] =
+        [[256, 1], [257, 1], [258, 8], [259, 34712], [262, 1], [273, 8], [277, 1], [278, 1], [279, 1]];
+    let mut tiff = b"II*\0\x08\0\0\0\x09\0".to_vec();
+    for [tag, value] in entries {
+        tiff.extend(
+            [&(tag as u16).to_le_bytes()[..], &4_u16.to_le_bytes(), &1_u32.to_le_bytes(), &value.to_le_bytes()]
+                .concat(),
+        );
+    }
+    tiff.extend([0; 4]);
+    write(folder.path(), "it/meshes/model.mtl", "newmtl skin\nmap_Kd texture.tif\n");
+    write(folder.path(), "it/materials/textures/texture.tif", &tiff);
+    check(folder.path(), "it", "TIFF", &Warn("texture.tif: a TIFF of an unsupported kind"));
+    check(folder.path(), "it", "TIFF", &Warn("using a constant color (save the image as PNG"));
+    // As the color of a whole material, it is no texture that the material can do without.
+    let error = DecodedImage::decode(&tiff, &Budget::default()).expect_err("unsupported");
+    assert!(error.is_unsupported() && error.is_permanent(), "{error}");
     // Other content under the name of a known format is damage.
     write(folder.path(), "it/meshes/model.mtl", "newmtl skin\nmap_Kd texture.png\n");
     write(folder.path(), "it/materials/textures/texture.png", "8BPS\0\x01");
