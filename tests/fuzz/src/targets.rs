@@ -16,12 +16,14 @@ use syntable_recipe::Overrides;
 pub type Target = fn(&[u8]);
 
 /// All targets, by the names of their binaries and of their folders in `corpus`.
-pub const TARGETS: [(&str, Target); 12] = [
+pub const TARGETS: [(&str, Target); 14] = [
     ("obj", obj),
     ("gltf", gltf),
     ("glb", glb),
     ("ply", ply),
     ("stl", stl),
+    ("dae", dae),
+    ("urdf", urdf),
     ("image", image),
     ("hdr", hdr),
     ("exr", exr),
@@ -81,7 +83,17 @@ pub fn stl(input: &[u8]) {
     inspect(&[("input.stl", input)]);
 }
 
-/// PNG and JPEG images, recognized by their content.
+/// COLLADA.
+pub fn dae(input: &[u8]) {
+    inspect(&[("input.dae", input)]);
+}
+
+/// URDF.
+pub fn urdf(input: &[u8]) {
+    inspect(&[("input.urdf", input)]);
+}
+
+/// Images of all formats of textures, recognized by their content.
 pub fn image(input: &[u8]) {
     inspect(&[("input.png", input)]);
 }

@@ -1,23 +1,17 @@
 //! Names and units of the model files of BOP.
 
 use std::path::Path;
-use syntable_mesh::Model;
 use syntable_mesh::format::Unit;
 use syntable_mesh::scan::name_of;
-use syntable_model::scene::EXTENT_M;
 
 /// Meters per millimeter, the unit of BOP.
 pub(crate) const MILLIMETER_M: f64 = 1e-3;
 
-/// The unit of a PLY file that states none: the millimeter for a file named as in BOP, or for a mesh that would be
-/// larger than any object in meters, but not in millimeters.
-pub(crate) fn guess_unit(file: &Path, model: &Model) -> Unit {
-    let extent = model.extent();
-    let named = model_id(&name_of(file)).is_some();
-    if named || (extent > *EXTENT_M.end() && extent * MILLIMETER_M <= *EXTENT_M.end()) {
-        Unit { name: "millimeter, as in BOP", meters: MILLIMETER_M }
-    } else {
-        Unit::METER
+/// The unit of a PLY file: the millimeter if it is named as in BOP.
+pub(crate) fn unit_of(file: &Path) -> Unit {
+    match model_id(&name_of(file)) {
+        Some(_) => Unit { name: "millimeter, as in BOP", meters: MILLIMETER_M },
+        None => Unit::METER,
     }
 }
 

@@ -24,6 +24,8 @@ mod meshes;
 mod objects;
 #[path = "files/real.rs"]
 mod real;
+#[path = "files/scenes.rs"]
+mod scenes;
 #[path = "files/uncommon.rs"]
 mod uncommon;
 

@@ -28,6 +28,7 @@ use syntable_model::scene::MeshData;
 mod accessor;
 mod buffers;
 mod container;
+mod draco;
 mod items;
 mod layers;
 mod materials;
@@ -38,7 +39,7 @@ mod specular_glossiness;
 mod uses;
 
 /// Extensions that are read, or that change nothing here.
-const READ: [&str; 21] = [
+const READ: [&str; 22] = [
     "KHR_texture_transform",
     "KHR_mesh_quantization",
     "KHR_materials_emissive_strength",
@@ -53,7 +54,8 @@ const READ: [&str; 21] = [
     "KHR_materials_pbrSpecularGlossiness",
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
-    // A version of an image in another format; a PNG or JPEG is preferred, a texture in KTX2 alone is refused.
+    draco::DRACO,
+    // A version of an image in another format; a PNG or JPEG is preferred.
     "KHR_texture_basisu",
     "EXT_texture_webp",
     // Lights, animations, licenses and alternative materials are not part of an object.
@@ -66,10 +68,8 @@ const READ: [&str; 21] = [
 
 /// Extensions that encode meshes, and tools that convert files without plain meshes. A file that does not require the
 /// extension has plain meshes, too.
-const ENCODED: [(&str, &str); 2] = [
-    ("KHR_draco_mesh_compression", "convert it: `gltf-transform copy in.glb out.glb` unpacks Draco"),
-    ("KHR_meshopt_compression", "convert it: `gltf-transform copy in.glb out.glb` unpacks meshopt"),
-];
+const ENCODED: [(&str, &str); 1] =
+    [("KHR_meshopt_compression", "convert it: `gltf-transform copy in.glb out.glb` unpacks meshopt")];
 
 /// Reads a file of `root`, named relative to it: meters, z up.
 pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {

@@ -8,7 +8,7 @@
 //! [`full_intensity`](syntable_mesh::paint::full_intensity) finds it for all types except `uchar`. As in other
 //! programs, a texture overrides colors by vertex, and these override colors by corner and by face.
 
-use crate::bop_files::guess_unit;
+use crate::bop_files::unit_of;
 use crate::formats::FormatLog;
 use body::{LIST_LIMIT, PlyRows};
 use color::{ColorColumns, decode, range};
@@ -418,5 +418,5 @@ impl PlyFaces {
 }
 
 syntable_mesh::register_mesh_format!(
-    MeshFormat::new("PLY", &["ply"], read).with_preference(20).with_unit_guess(guess_unit)
+    MeshFormat::new("PLY", &["ply"], read).with_preference(20).with_unit_by_name(unit_of)
 );

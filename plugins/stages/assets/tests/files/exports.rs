@@ -6,8 +6,13 @@ use crate::details::{Builder, FACES, POSITIONS, object};
 use crate::inputs::*;
 use serde_json::{Value, json};
 use std::path::Path;
+use syntable_assets::formats::gltf;
+use syntable_mesh::image::DecodedImage;
+use syntable_mesh::limits::Budget;
+use syntable_mesh::root::AssetRoot;
 use syntable_model::context::Collected;
 use syntable_model::scene::{Alpha, Object};
+use syntable_model::stage::AssetLimits;
 use tempfile::TempDir;
 
 /// Loads an asset; also returns the warnings.
@@ -311,7 +316,7 @@ fn thin_glass_of_old_files_is_told_to_be_a_body() {
 #[test]
 fn encodings_that_are_not_read_name_the_command_that_converts() {
     for (extension, says) in [
-        ("KHR_draco_mesh_compression", "gltf-transform copy in.glb out.glb"),
+        ("KHR_meshopt_compression", "gltf-transform copy in.glb out.glb"),
         ("EXT_something", "export it without that extension"),
     ] {
         let mut document: Value = serde_json::from_str(&embedded()).expect("sound");
@@ -320,20 +325,156 @@ fn encodings_that_are_not_read_name_the_command_that_converts() {
         check_file("x.gltf", document.to_string(), extension, Reject(says));
     }
     // A file that also has plain meshes is read without a warning.
-    let mut document: Value = serde_json::from_str(&embedded()).expect("sound");
-    document["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
-    check_file("x.gltf", document.to_string(), "not required", Accept);
-    let ktx = json!({ "images": [{ "uri": "x.ktx2" }], "textures": [{ "extensions": { "KHR_texture_basisu": { "source": 0 } } }],
-        "materials": [{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }], "extensionsUsed": ["KHR_texture_basisu"] });
-    let mut builder = Builder::default();
-    let (position, index) = (builder.floats(&POSITIONS), builder.indices(FACES.as_flattened()));
-    let primitive = json!({ "attributes": { "POSITION": position }, "indices": index, "material": 0 });
-    check_file(
+    for extension in ["KHR_meshopt_compression", "KHR_draco_mesh_compression"] {
+        let mut document: Value = serde_json::from_str(&embedded()).expect("sound");
+        document["extensionsUsed"] = json!([extension]);
+        check_file("x.gltf", document.to_string(), extension, Accept);
+    }
+}
+
+/// Tori of 120 and of 1008 triangles, encoded by Google's library through DracoPy 2.2.0; the files `-plain` have the arrays
+/// that the same library decodes. The names state the encoding and the compression level.
+#[test]
+fn draco_agrees_with_the_library_of_its_authors() {
+    for (name, packed, plain) in [
+        (
+            "edgebreaker-5",
+            &include_bytes!("draco/edgebreaker-5.glb")[..],
+            &include_bytes!("draco/edgebreaker-5-plain.glb")[..],
+        ),
+        (
+            "edgebreaker-10",
+            include_bytes!("draco/edgebreaker-10.glb"),
+            include_bytes!("draco/edgebreaker-10-plain.glb"),
+        ),
+        ("valence-10", include_bytes!("draco/valence-10.glb"), include_bytes!("draco/valence-10-plain.glb")),
+        ("sequential-0", include_bytes!("draco/sequential-0.glb"), include_bytes!("draco/sequential-0-plain.glb")),
+        ("sequential-10", include_bytes!("draco/sequential-10.glb"), include_bytes!("draco/sequential-10-plain.glb")),
+    ] {
+        let folder = TempDir::new().expect("temp folder");
+        write(folder.path(), "packed.glb", packed);
+        write(folder.path(), "plain.glb", plain);
+        let root = AssetRoot::open(folder.path()).expect("opens");
+        let log = Collected::default();
+        let [packed_mesh, plain_mesh] = ["packed.glb", "plain.glb"].map(|file| {
+            gltf::read(&root, Path::new(file), &log).unwrap_or_else(|error| panic!("{name}: {error}")).mesh
+        });
+        assert_eq!(packed_mesh.triangles, plain_mesh.triangles, "{name}");
+        assert_eq!(packed_mesh.positions, plain_mesh.positions, "{name}");
+        assert_eq!(packed_mesh.normals, plain_mesh.normals, "{name}");
+        assert_eq!(packed_mesh.uvs, plain_mesh.uvs, "{name}");
+        assert_eq!(packed_mesh.colors, plain_mesh.colors, "{name}");
+        assert_eq!(packed_mesh.normals.is_empty(), name == "valence-10");
+        assert_eq!(packed_mesh.colors.is_empty(), ["valence-10", "sequential-0"].contains(&name));
+        let small = AssetRoot::open(folder.path())
+            .expect("opens")
+            .within(AssetLimits { triangles: 100, ..AssetLimits::default() });
+        let error = gltf::read(&small, Path::new("packed.glb"), &log).expect_err("too many").to_string();
+        assert!(error.contains("limit of 100 triangles"), "{error}");
+        // Damage in the packed bytes is refused or gives another mesh, but never a panic.
+        let at = packed.windows(5).position(|word| word == b"DRACO").expect("Draco");
+        for byte in (at..packed.len() - 80).step_by(7) {
+            let mut damaged = packed.to_vec();
+            damaged[byte] ^= 0x55;
+            write(folder.path(), "packed.glb", damaged);
+            if let Err(error) = gltf::read(&root, Path::new("packed.glb"), &log) {
+                assert!(!error.to_string().contains("panicked"), "{name} {byte}: {error}");
+            }
+        }
+    }
+}
+
+/// The Basis textures have 20 x 12 pixels, encoded by the authors' library (`ktx2-encoder` 0.5) from colors that a formula
+/// gives; UASTC is also packed with Zstandard. The tolerances bound the loss of the encoder.
+#[test]
+fn ktx2_textures_are_read() {
+    let folder = TempDir::new().expect("temp folder");
+    for (file, bytes, most) in
+        [("etc1s.ktx2", &include_bytes!("etc1s.ktx2")[..], 40), ("uastc.ktx2", &include_bytes!("uastc.ktx2")[..], 8)]
+    {
+        let decoded = DecodedImage::decode(bytes, &Budget::default()).expect(file);
+        assert_eq!((decoded.width, decoded.height), (20, 12), "{file}");
+        for (i, texel) in decoded.texels.chunks_exact(4).enumerate() {
+            let (x, y) = (i as u8 % 20, i as u8 / 20);
+            let want = [x * 12, y * 20, 128, if x < 10 { 255 } else { 100 }];
+            let apart = texel.iter().zip(want).map(|(&a, b)| a.abs_diff(b)).max();
+            assert!(apart <= Some(most), "{file} {x} {y}: {texel:?}, not {want:?}");
+        }
+        write(folder.path(), file, bytes);
+        assert!(look(&folder.path().join(file)).0.is_ok());
+        for end in 0..bytes.len() {
+            let error = DecodedImage::decode(&bytes[..end], &Budget::default()).err();
+            assert!(error.is_some(), "{file} of {end} bytes");
+        }
+    }
+    let glb = |image: &[u8], required: bool| {
+        let mut builder = Builder::default();
+        let position = builder.floats(&POSITIONS);
+        let uv = builder.floats(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.25, 0.75]]);
+        let index = builder.indices(FACES.as_flattened());
+        let image = builder.view(image, None);
+        let primitive =
+            json!({ "attributes": { "POSITION": position, "TEXCOORD_0": uv }, "indices": index, "material": 0 });
+        let mut more = json!({
+            "images": [{ "bufferView": image, "mimeType": "image/ktx2" }],
+            "textures": [{ "extensions": { "KHR_texture_basisu": { "source": 0 } } }],
+            "materials": [{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }],
+            "extensionsUsed": ["KHR_texture_basisu"],
+        });
+        if required {
+            more["extensionsRequired"] = json!(["KHR_texture_basisu"]);
+        }
+        builder.document(&primitive, more)
+    };
+    let plain = |format: u32, scheme: u32, data: &[u8], size: [u32; 2]| ktx2(format, scheme, data, size);
+    let rgba: Vec<u8> = (0..24).collect();
+    // Zstandard frame of the same 24 bytes in one raw block.
+    let zstd = [&[0x28, 0xb5, 0x2f, 0xfd, 0x20, 24, 0xc1, 0, 0][..], &rgba].concat();
+    for (data, scheme) in [(&rgba, 0), (&zstd, 2)] {
+        write(folder.path(), "x.gltf", glb(&plain(37, scheme, data, [3, 2]), true));
+        let object = load(folder.path(), "x");
+        let texture = &object.materials[0].base_color.texture.as_ref().expect("a texture").texture;
+        assert_eq!((texture.width, texture.height, &texture.texels), (3, 2, &rgba));
+    }
+    // BGR: 8 bits per channel, without alpha.
+    let decoded = DecodedImage::decode(&plain(30, 0, &[1, 2, 3, 4, 5, 6], [2, 1]), &Budget::default()).expect("sound");
+    assert_eq!(decoded.texels, [3, 2, 1, 255, 6, 5, 4, 255]);
+    // Unsupported kinds cost the texture: BC1, an image of zero height, and a file without an image.
+    write(folder.path(), "x.gltf", glb(&plain(131, 0, &[0; 8], [4, 4]), false));
+    check(
+        folder.path(),
         "x.gltf",
-        builder.document(&primitive, ktx),
-        "KTX2",
-        Reject("gltf-transform ktxdecompress in.glb out.glb"),
+        "BC1",
+        &Warn("a KTX2 of an unsupported kind: BC1_RGB_UNORM_BLOCK; using a constant color"),
     );
+    check(folder.path(), "x.gltf", "BC1", &Warn("ktx extract in.ktx2 out.png"));
+    write(folder.path(), "x.gltf", glb(&plain(37, 0, &rgba[1..], [3, 2]), false));
+    check(folder.path(), "x.gltf", "short", &Reject("23 bytes for an image of 24"));
+    write(folder.path(), "x.gltf", glb(&plain(37, 0, &rgba, [60_000, 60_000]), false));
+    check(folder.path(), "x.gltf", "huge", &Reject("more than the limit"));
+    let none = glb(&[0], false).replace("KHR_texture_basisu", "MSFT_texture_dds");
+    write(folder.path(), "x.gltf", none);
+    check(
+        folder.path(),
+        "x.gltf",
+        "DDS",
+        &Warn("texture 0 has no image as PNG, JPEG, WebP or KTX2; using a constant color"),
+    );
+}
+
+/// A KTX2 file with one level: format of Vulkan, scheme of compression, data and size.
+fn ktx2(format: u32, scheme: u32, data: &[u8], [width, height]: [u32; 2]) -> Vec<u8> {
+    // The basic descriptor without samples, after its total length.
+    let descriptor: Vec<u8> =
+        [28_u32, 0, 24 << 16 | 2, 1 << 16 | 1 << 8 | 1, 0, 0, 0].iter().flat_map(|x| x.to_le_bytes()).collect();
+    let level = 104 + descriptor.len() as u64;
+    let words = [format, 1, width, height, 0, 0, 1, 1, scheme, 104, descriptor.len() as u32, 0, 0];
+    let mut bytes = b"\xabKTX 20\xbb\r\n\x1a\n".to_vec();
+    bytes.extend(words.iter().flat_map(|x| x.to_le_bytes()));
+    bytes.extend([0_u64, 0, level, data.len() as u64, data.len() as u64].iter().flat_map(|x| x.to_le_bytes()));
+    bytes.extend(descriptor);
+    bytes.extend(data);
+    bytes
 }
 
 /// A sphere of 5 cm radius around (0.1, 0.2, 0.3), y up, with 24 x 12 quads, packed by `gltf-transform meshopt`:

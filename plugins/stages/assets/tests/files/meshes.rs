@@ -2,6 +2,7 @@
 
 use crate::common::source_of;
 use crate::inputs::*;
+use syntable_mesh::size::{self, StatedLengths};
 use syntable_model::context::Collected;
 use syntable_model::geometry::Point3;
 use syntable_model::scene::Object;
@@ -331,8 +332,9 @@ fn a_pool_may_scale_what_the_extent_check_refuses() {
         b
     });
     let mut object = load(folder.path(), "mm");
-    assert!(object.check_extent().is_err());
+    let check = |object: &Object| size::check(object.mesh.bounds().size().max(), StatedLengths::default());
+    assert!(check(&object).is_err());
     object.mesh = std::sync::Arc::new(object.mesh.transformed(Default::default(), 0.001).expect("sound"));
-    object.check_extent().expect("ten centimeters");
+    check(&object).expect("ten centimeters");
     assert!((object.mesh.signed_volume() - 0.000_48).abs() < 1e-9);
 }

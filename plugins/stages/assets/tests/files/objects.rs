@@ -106,7 +106,7 @@ fn obj_text() {
             "millimeters",
             &|it| write(it, "meshes/model.obj", obj(1000.0)),
             Reject(
-                "object extent 100.000 m is outside the allowed range of 0.0005 m to 10 m (set `scale = 0.001` if the file is in millimeters",
+                "object extent 100.000 m is outside the allowed range of 0.0005 m to 10 m (`units = \"mm\"` makes it 10.0 cm)",
             ),
         ),
         ("huge", &|it| write(it, "meshes/model.obj", obj(1e30)), Reject("object extent 1.000e29 m")),

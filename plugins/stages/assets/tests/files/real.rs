@@ -2,6 +2,7 @@
 
 use crate::common::{fact, look, roots, source_of};
 use std::path::Path;
+use syntable_mesh::size::{self, StatedLengths};
 use syntable_model::context::Collected;
 use syntable_model::scene::{Alpha, MassOrigin, Object, Topology, Volume};
 use syntable_model::stage::AssetSource;
@@ -81,7 +82,7 @@ fn check_collection(root: &Path, kind: &str, folder: &str) {
         let (object, warnings) = load(&*source, &row[0]);
         check_row(row, &object, &warnings);
         assert_eq!(object.license, "CC-BY-4.0");
-        object.check_extent().expect("a size that makes sense");
+        size::check(object.mesh.bounds().size().max(), StatedLengths::default()).expect("a size that makes sense");
     }
 }
 

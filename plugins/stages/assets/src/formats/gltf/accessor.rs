@@ -1,6 +1,6 @@
 //! Accessors: typed numbers in buffers, with every bound checked before anything is allocated.
 
-use super::buffers::GltfBuffers;
+use super::buffers::{Elements, GltfBuffers};
 use super::items::get;
 use crate::formats::within;
 use gltf::json::accessor::{Accessor, ComponentType, Type};
@@ -51,14 +51,12 @@ pub fn indices(document: &Root, buffers: &mut GltfBuffers<'_>, index: Index<Acce
 /// components.
 pub fn count(document: &Root, buffers: &mut GltfBuffers<'_>, index: Index<Accessor>, components: usize) -> Result<u64> {
     let accessor = get(&document.accessors, index, "accessor")?;
-    let count = accessor.count.0;
+    let count = buffers.count(index)?;
     let size = component(accessor)?.size() * components;
     if width(document, index)? != components {
         return Ok(count);
     }
-    if let Some(view) = accessor.buffer_view {
-        let (bytes, stride) = buffers.view(view)?;
-        let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
+    if let Some(Elements { bytes, offset, stride }) = buffers.elements(index)? {
         check_bounds(stride.unwrap_or(size).max(size), offset, count, size, bytes.len())
             .map_err(|error| within(error, format!("accessor {}", index.value())))?;
     } else if accessor.sparse.is_none() || count > MAX_ZEROS {
@@ -106,6 +104,26 @@ pub fn is_normalized(document: &Root, index: Index<Accessor>) -> Result<bool> {
     Ok(get(&document.accessors, index, "accessor")?.normalized)
 }
 
+/// Size of one number of an accessor, bytes.
+pub fn component_size(accessor: &Accessor) -> Result<usize> {
+    component(accessor).map(|component| component.size())
+}
+
+/// Numbers in the type of an accessor.
+pub fn bytes_of(accessor: &Accessor, numbers: &[f32]) -> Result<Vec<u8>> {
+    fn all<const N: usize>(numbers: &[f32], bytes: impl Fn(f32) -> [u8; N]) -> Vec<u8> {
+        numbers.iter().flat_map(|&x| bytes(x)).collect()
+    }
+    Ok(match component(accessor)? {
+        ComponentType::I8 => all(numbers, |x| (x as i8).to_le_bytes()),
+        ComponentType::U8 => all(numbers, |x| (x as u8).to_le_bytes()),
+        ComponentType::I16 => all(numbers, |x| (x as i16).to_le_bytes()),
+        ComponentType::U16 => all(numbers, |x| (x as u16).to_le_bytes()),
+        ComponentType::U32 => all(numbers, |x| (x as u32).to_le_bytes()),
+        ComponentType::F32 => all(numbers, f32::to_le_bytes),
+    })
+}
+
 fn component(accessor: &Accessor) -> Result<ComponentType> {
     match accessor.component_type {
         Checked::Valid(component) => Ok(component.0),
@@ -133,15 +151,14 @@ fn read<T: Clone + Zero>(
         let (offset, count) = (offset as usize, count as usize);
         Ok(ElementLayout { component, normalized: accessor.normalized, offset, stride, count })
     };
-    let count = accessor.count.0;
+    let count = buffers.count(index)?;
     // A sparse accessor is read as a whole before elements are selected.
     let part = select.filter(|_| accessor.sparse.is_none());
     let wanted = part.map_or(count, |part| part.len() as u64).saturating_mul(size_of::<T>() as u64);
     let budget = buffers.budget();
-    let mut values: Vec<T> = match accessor.buffer_view {
-        Some(view) => {
-            let (bytes, stride) = buffers.view(view)?;
-            let layout = layout(stride, accessor.byte_offset.map_or(0, |offset| offset.0), count, bytes.len())?;
+    let mut values: Vec<T> = match buffers.elements(index)? {
+        Some(Elements { bytes, offset, stride }) => {
+            let layout = layout(stride, offset, count, bytes.len())?;
             budget.bytes(wanted)?;
             let at = |i: usize| element(&layout, bytes, layout.offset + i * layout.stride);
             match part {

@@ -5,6 +5,7 @@ use super::meshopt::CompressedView;
 use crate::formats::within;
 use base64::alphabet;
 use base64::engine::{DecodePaddingMode, Engine, GeneralPurpose, GeneralPurposeConfig};
+use gltf::json::accessor::Accessor;
 use gltf::json::{self, Index, Root};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -29,6 +30,26 @@ pub struct GltfBuffers<'a> {
     loaded: BTreeMap<usize, Vec<u8>>,
     /// Views that were unpacked.
     unpacked: BTreeMap<usize, Vec<u8>>,
+    /// Accessors of the current primitive that were unpacked.
+    pub unpacked_arrays: UnpackedArrays,
+}
+
+/// Bytes with the elements of an accessor.
+pub struct Elements<'a> {
+    pub bytes: &'a [u8],
+    /// Offset of the first element.
+    pub offset: u64,
+    /// Distance of elements, if stated.
+    pub stride: Option<usize>,
+}
+
+/// Elements of accessors that have no view of their own.
+#[derive(Default)]
+pub struct UnpackedArrays {
+    /// Number of elements of each array.
+    pub count: u64,
+    /// Elements by accessor, without gaps.
+    pub bytes: BTreeMap<usize, Vec<u8>>,
 }
 
 impl<'a> GltfBuffers<'a> {
@@ -41,7 +62,42 @@ impl<'a> GltfBuffers<'a> {
         file: &'a Path,
         log: &'a dyn Log,
     ) -> Self {
-        Self { document, binary, root, folder, file, log, loaded: BTreeMap::new(), unpacked: BTreeMap::new() }
+        Self {
+            document,
+            binary,
+            root,
+            folder,
+            file,
+            log,
+            loaded: BTreeMap::new(),
+            unpacked: BTreeMap::new(),
+            unpacked_arrays: UnpackedArrays::default(),
+        }
+    }
+
+    /// The file, for messages.
+    pub fn file(&self) -> &'a Path {
+        self.file
+    }
+
+    /// Number of elements of an accessor: of its unpacked elements, or as stated.
+    pub fn count(&self, index: Index<Accessor>) -> Result<u64> {
+        match self.unpacked_arrays.bytes.contains_key(&index.value()) {
+            true => Ok(self.unpacked_arrays.count),
+            false => Ok(get(&self.document.accessors, index, "accessor")?.count.0),
+        }
+    }
+
+    /// The elements of an accessor; `None` if it has neither unpacked elements nor a view.
+    pub fn elements(&mut self, index: Index<Accessor>) -> Result<Option<Elements<'_>>> {
+        if self.unpacked_arrays.bytes.contains_key(&index.value()) {
+            let bytes = self.unpacked_arrays.bytes.get(&index.value());
+            return Ok(bytes.map(|bytes| Elements { bytes, offset: 0, stride: None }));
+        }
+        let accessor = get(&self.document.accessors, index, "accessor")?;
+        let Some(view) = accessor.buffer_view else { return Ok(None) };
+        let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
+        self.view(view).map(|(bytes, stride)| Some(Elements { bytes, offset, stride }))
     }
 
     /// The asset's remaining budget.

@@ -16,6 +16,7 @@ use gltf::json::{self, Index, Root};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::material::{blend, untextured};
 use syntable_mesh::paint::VertexAlpha;
 use syntable_mesh::text::shorten;
@@ -63,8 +64,13 @@ impl<'a> GltfMaterials<'a> {
 
     /// Warns once.
     pub fn warn(&mut self, message: &str) {
-        if self.warned.insert(message.to_owned()) {
-            self.log.warn(&Error::new(message).in_file(self.path));
+        self.tell(Error::new(message));
+    }
+
+    fn tell(&mut self, warning: Error) {
+        let warning = warning.in_file(self.path);
+        if self.warned.insert(warning.to_string()) {
+            self.log.warn(&warning);
         }
     }
 
@@ -380,24 +386,32 @@ impl<'a> GltfMaterials<'a> {
         }
     }
 
-    /// The image of a texture: the plain one, or else the one in WebP.
+    /// The image of a texture: the plain one, or else the one in WebP or KTX2.
     fn source(&self, texture: &json::Texture, index: Index<json::Texture>) -> Result<Index<json::Image>> {
         if texture.source.value() != u32::MAX as usize {
             return Ok(texture.source);
         }
         let others = texture.extensions.as_ref().map(|extensions| &extensions.others);
-        let webp = others.and_then(|others| others.get("EXT_texture_webp")?.get("source")?.as_u64());
-        match webp.and_then(|source| u32::try_from(source).ok()) {
-            Some(source) => Ok(Index::new(source)),
-            None => Err(Error::new(format!("texture {} has no image as PNG, JPEG or WebP", index.value()))
-                .help("KTX2 is not supported; convert the file: `gltf-transform ktxdecompress in.glb out.glb`")),
-        }
+        let other = |extension: &str| {
+            let source = others.and_then(|others| others.get(extension)?.get("source")?.as_u64());
+            source.and_then(|source| u32::try_from(source).ok()).map(Index::new)
+        };
+        other("EXT_texture_webp").or_else(|| other("KHR_texture_basisu")).ok_or_else(|| {
+            Error::unsupported(format!("texture {} has no image as PNG, JPEG, WebP or KTX2", index.value()))
+                .help("convert the image to PNG: `gltf-transform png in.glb out.glb`")
+        })
     }
 
-    /// Loads a texture. A missing file causes a warning, and returns `None`.
+    /// Loads a texture. A missing file or an image of an unsupported kind causes a warning, and returns `None`.
     fn texture(&mut self, used: &Use, encoding: Encoding, buffers: &mut GltfBuffers<'_>) -> Result<Option<TextureRef>> {
         let texture = get(&self.document.textures, used.texture, "texture")?;
-        let source = self.source(texture, used.texture)?;
+        let source = match self.source(texture, used.texture) {
+            Err(error) if error.is_unsupported() => {
+                self.tell(error.with_consequence("using a constant color"));
+                return Ok(None);
+            }
+            source => source?,
+        };
         let wrap = match texture.sampler {
             Some(sampler) => {
                 let sampler = get(&self.document.samplers, sampler, "sampler")?;
@@ -407,12 +421,15 @@ impl<'a> GltfMaterials<'a> {
         };
         let key = (source.value(), encoding == Encoding::Srgb, wrap.map(|wrap| wrap as u8));
         if !self.textures.contains_key(&key) {
-            let image = buffers.image(source)?;
-            if image.is_none() {
-                let image = get(&self.document.images, source, "image")?;
-                let name = shorten(image.uri.as_deref().unwrap_or_default());
-                self.warn(&format!("no texture `{name}`; a constant color is used"));
-            }
+            let image = match buffers.image(source).transpose() {
+                Some(decoded) => DecodedImage::if_supported(decoded, |error| self.tell(error))?,
+                None => {
+                    let image = get(&self.document.images, source, "image")?;
+                    let name = shorten(image.uri.as_deref().unwrap_or_default());
+                    self.warn(&format!("no texture `{name}`; a constant color is used"));
+                    None
+                }
+            };
             self.textures.insert(key, image.map(|image| Arc::new(image.into_texture(encoding, wrap))));
         }
         let texture = self.textures.get(&key).cloned().flatten();

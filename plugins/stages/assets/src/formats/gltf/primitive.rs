@@ -2,7 +2,7 @@
 
 use super::accessor::{self, indices, is_float, is_normalized, vectors, width};
 use super::buffers::GltfBuffers;
-use super::items::get;
+use super::draco;
 use super::layers::unit;
 use super::materials::GltfMaterials;
 use gltf::json::accessor::Accessor;
@@ -62,7 +62,7 @@ impl PrimitiveArrays {
             Checked::Valid(_) => return Ok(None),
             Checked::Invalid => return Err(Error::new("an unknown drawing mode")),
         };
-        let (mut reader, corners) = AttributeReader::open(document, buffers, primitive, mode, placed)?;
+        let (mut reader, mode, corners) = AttributeReader::open(document, buffers, primitive, mode, placed)?;
         let mut positions = reader.positions()?;
         let mut normals = reader.vectors_of::<3>(Semantic::Normals, "normals")?;
         let uvs = match materials.uv_set(primitive.material)? {
@@ -93,37 +93,29 @@ struct AttributeReader<'r, 'b> {
 }
 
 impl<'r, 'b> AttributeReader<'r, 'b> {
-    /// The reader, and the corners of the triangles as indices of the vertices that it reads.
+    /// The reader, and the corners of the triangles as indices of the vertices that it reads, with their mode.
     fn open(
         document: &'r Root,
         buffers: &'r mut GltfBuffers<'b>,
         primitive: &'r JsonPrimitive,
         mode: Mode,
         placed: usize,
-    ) -> Result<(Self, Vec<u32>)> {
+    ) -> Result<(Self, Mode, Vec<u32>)> {
         let Some(&position) = primitive.attributes.get(&Checked::Valid(Semantic::Positions)) else {
             return Err(Error::new("no vertex positions"));
         };
+        let unpacked = draco::unpack(document, buffers, primitive, placed)?;
         let count = accessor::count(document, buffers, position, 3)?;
-        let length = match primitive.indices {
-            Some(index) => accessor::count(document, buffers, index, 1)?,
-            None => count,
-        };
-        // Indices are counted before they are read: several primitives may share one long accessor.
-        let triangles = if mode == Mode::Triangles { length / 3 } else { length.saturating_sub(2) };
-        buffers.budget().triangles(placed.saturating_add(usize::try_from(triangles).unwrap_or(usize::MAX)))?;
-        let corners = match primitive.indices {
-            Some(index) => indices(document, buffers, index)?,
-            None => {
-                (0..u32::try_from(count).map_err(|_| Error::new(format!("{count} vertices are too many")))?).collect()
-            }
+        let (mode, corners) = match unpacked {
+            Some(corners) => (Mode::Triangles, corners),
+            None => (mode, corners(document, buffers, primitive, mode, count, placed)?),
         };
         if let Some(index) = corners.iter().find(|&&index| u64::from(index) >= count) {
             return Err(Error::new(format!("index {index}, but only {count} vertices")));
         }
         // If many primitives share arrays, each reads only the vertices that it uses.
         let (corners, used) = if (corners.len() as u64) < count { compact(corners) } else { (corners, None) };
-        Ok((Self { document, buffers, primitive, count, position, used }, corners))
+        Ok((Self { document, buffers, primitive, count, position, used }, mode, corners))
     }
 
     fn attribute(&self, semantic: Semantic) -> Option<Index<Accessor>> {
@@ -141,7 +133,7 @@ impl<'r, 'b> AttributeReader<'r, 'b> {
 
     /// Reads an array with a vector per vertex.
     fn vectors<const N: usize>(&mut self, index: Index<Accessor>, what: &str) -> Result<Vec<[f32; N]>> {
-        match get(&self.document.accessors, index, "accessor")?.count.0 {
+        match self.buffers.count(index)? {
             length if length == self.count => {
                 vectors::<N>(self.document, self.buffers, index, self.used.as_deref(), what)
             }
@@ -228,6 +220,30 @@ impl<'r, 'b> AttributeReader<'r, 'b> {
             influences.push(joints.into_iter().zip(weights).collect());
         }
         Ok(influences)
+    }
+}
+
+/// The corners of a primitive whose indices are plain.
+fn corners(
+    document: &Root,
+    buffers: &mut GltfBuffers<'_>,
+    primitive: &JsonPrimitive,
+    mode: Mode,
+    count: u64,
+    placed: usize,
+) -> Result<Vec<u32>> {
+    let length = match primitive.indices {
+        Some(index) => accessor::count(document, buffers, index, 1)?,
+        None => count,
+    };
+    // Indices are counted before they are read: several primitives may share one long accessor.
+    let triangles = if mode == Mode::Triangles { length / 3 } else { length.saturating_sub(2) };
+    buffers.budget().triangles(placed.saturating_add(usize::try_from(triangles).unwrap_or(usize::MAX)))?;
+    match primitive.indices {
+        Some(index) => indices(document, buffers, index),
+        None => {
+            Ok((0..u32::try_from(count).map_err(|_| Error::new(format!("{count} vertices are too many")))?).collect())
+        }
     }
 }
 
