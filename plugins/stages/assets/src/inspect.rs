@@ -3,12 +3,15 @@
 
 use crate::sources::bop_models::{self, INFO};
 use crate::sources::collision;
-use crate::sources::ycb::{Reconstruction, mesh_in};
-use crate::sources::{google_scanned_objects, pbr_folder};
+use crate::sources::layouts::{scanned_mesh, ycb_mesh};
+use crate::sources::pbr_folder;
+use crate::sources::ycb::Reconstruction;
 use std::path::{Path, PathBuf};
+use syntable_mesh::foreign;
 use syntable_mesh::format::MeshFormats;
 use syntable_mesh::root::{AssetRoot, read_file};
 use syntable_mesh::scan::{extension, list, name_of};
+use syntable_mesh::size::{self, StatedLengths};
 use syntable_mesh::{ObjectInfo, inspect};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
@@ -22,8 +25,21 @@ syntable_model::register_inspector!(
         inspect: inspect_json
     },
     Inspector { name: "PBR material folder", accepts: is_material, inspect: inspect_material },
+    Inspector { name: "mesh of a format to convert", accepts: is_foreign, inspect: refuse_foreign },
     Inspector { name: "folder of one mesh", accepts: |path| mesh_in_folder(path).is_some(), inspect: inspect_mesh },
 );
+
+fn foreign_refusal(path: &Path) -> Option<Error> {
+    foreign::refusal(path, &MeshFormats::linked().ok()?)
+}
+
+fn is_foreign(path: &Path) -> bool {
+    path.is_file() && foreign_refusal(path).is_some()
+}
+
+fn refuse_foreign(path: &Path, _: &dyn Log) -> Result<Inspection> {
+    Err(foreign_refusal(path).unwrap_or_else(|| Error::new("not a mesh").in_file(path)))
+}
 
 fn is_bop(path: &Path) -> bool {
     if path.is_dir() {
@@ -42,19 +58,23 @@ fn mesh_in_folder(folder: &Path) -> Option<PathBuf> {
     if !folder.is_dir() {
         return None;
     }
-    if let Ok(Some(scanned)) = google_scanned_objects::mesh_in(folder) {
+    if let Ok(Some(scanned)) = scanned_mesh(folder) {
         return Some(scanned.to_owned());
     }
-    if let Ok(Some(mesh)) = mesh_in(folder, Reconstruction::default()) {
+    if let Ok(Some(mesh)) = ycb_mesh(folder, Reconstruction::default().folder()) {
         return Some(mesh);
     }
     if is_bop(folder) {
         return None;
     }
-    let extensions = MeshFormats::linked().ok()?.extensions();
+    let (formats, root) = (MeshFormats::linked().ok()?, AssetRoot::open(folder).ok()?);
+    let extensions = formats.extensions();
     let listing = list(folder).ok()?;
     let files: Vec<PathBuf> = listing.files.iter().map(PathBuf::from).collect();
-    let meshes: Vec<&PathBuf> = files.iter().filter(|file| extensions.contains(&extension(file).as_str())).collect();
+    let parts = |file: &PathBuf| formats.of_file(file).map_or(Vec::new(), |format| (format.parts)(&root, file));
+    let parts: Vec<PathBuf> = files.iter().flat_map(parts).collect();
+    let is_mesh = |file: &&PathBuf| extensions.contains(&extension(file).as_str()) && !parts.contains(file);
+    let meshes: Vec<&PathBuf> = files.iter().filter(is_mesh).collect();
     let stems: Vec<PathBuf> = meshes.iter().map(|file| file.with_extension("")).collect();
     let rules = collision::rules(stems.iter().map(PathBuf::as_path), std::iter::empty());
     let objects: Vec<&PathBuf> =
@@ -108,7 +128,8 @@ fn inspect_bop(path: &Path, log: &dyn Log) -> Result<Inspection> {
         // Each model is an asset with its own limits.
         let root = AssetRoot::open(&folder)?;
         let object = bop_models::load(&root, Path::new(""), model, info, log)?;
-        object.check_extent().map_err(|error| error.in_file(folder.join(format!("{model}.ply"))))?;
+        size::check(object.mesh.bounds().size().max(), StatedLengths::default())
+            .map_err(|error| error.in_file(folder.join(format!("{model}.ply"))))?;
         let [x, y, z]: [f64; 3] = object.mesh.bounds().size().into();
         let triangles = object.mesh.data().triangles.len();
         found = found.fact(model, format!("{triangles} triangles, {x:.4} x {y:.4} x {z:.4} m"));

@@ -101,9 +101,6 @@ const VISUAL: [&str; 9] = ["visual", "visuals", "vis", "render", "rendered", "te
 const TELLING: [&str; 10] =
     ["coll", "colls", "cvx", "chull", "convexhull", "decomp", "decomposed", "decomposition", "acd", "physx"];
 
-/// Extensions of unsupported mesh files. Such a file still shows that another file is its collision mesh.
-pub const UNREAD: [&str; 10] = ["dae", "fbx", "usd", "usda", "usdc", "usdz", "blend", "msh", "3ds", "wrl"];
-
 /// Extensions that tools leave inside names, such as `mug.obj.convex.stl`.
 const EXTENSIONS: [&str; 7] = ["obj", "stl", "ply", "glb", "gltf", "dae", "off"];
 
@@ -430,6 +427,13 @@ impl ObjectFolder {
 
 /// The folders that are named after an object and hold its mesh: by the folder above and the words of their names.
 type Homes<'a> = BTreeSet<(&'a Path, Vec<String>)>;
+
+/// The folder of each mesh's object: the mesh's folder, or the folder above folders such as `visual` and `meshes`.
+pub fn object_folders<'a>(stems: impl Iterator<Item = &'a Path>) -> Vec<PathBuf> {
+    let paths: Vec<&Path> = stems.collect();
+    let homes = homes_with_such_names(&paths);
+    paths.iter().map(|path| PoolMesh::new(path, &homes).object).collect()
+}
 
 /// The rule that identifies each collision mesh, by the meshes' paths without extensions and relative to the root of
 /// the pool; `None` for all other meshes. `others` are meshes in unsupported formats: they are siblings, too.

@@ -48,8 +48,10 @@ impl AssetSource for EnvironmentFolder {
 
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         let root = AssetRoot::open(self.root.path())?.within(self.limits);
-        let file = self.files.file(name, || find(&root, log))?;
-        let file = file.ok_or_else(|| Error::new(format!("no environment map `{name}`")).in_file(root.folder()))?;
+        let file = self.files.files(name, || find(&root, log))?;
+        let file = file
+            .and_then(|files| files.into_iter().next())
+            .ok_or_else(|| Error::new(format!("no environment map `{name}`")).in_file(root.folder()))?;
         let mut map = environment::read(&root, &root.locate(&file)?)?;
         name.clone_into(&mut map.name);
         Ok(Asset::from(map))
@@ -60,7 +62,7 @@ impl AssetSource for EnvironmentFolder {
 fn find(root: &AssetRoot, log: &dyn Log) -> Result<AssetFiles> {
     let mut assets = AssetFiles::new();
     for (stem, files) in by_stem(root, &ImageFormats::linked()?.radiance_extensions(), log)? {
-        add_asset(&mut assets, &stem, &files, root, log);
+        add_asset(&mut assets, &stem, &[&files], root, log);
     }
     Ok(assets)
 }

@@ -1,25 +1,26 @@
 //! Any folder of assets: files of some formats anywhere below a root, each named by its path.
 
 use super::collision::{self, Rule};
+use super::layouts::kind_of;
 use super::nothing_found;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
+use syntable_mesh::foreign;
+use syntable_mesh::format::MeshFormats;
 use syntable_mesh::root::AssetRoot;
 use syntable_mesh::scan::{WalkedFiles, extension, list, root_name, walk};
-use syntable_model::context::{Collected, Log};
+use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
+use syntable_model::limits::FOLDER_DEPTH;
 use syntable_model::names::AssetPath;
 use syntable_model::scene::{Catalog, CatalogEntry};
-
-/// Maximum depth of folders below the root that are scanned.
-const DEPTH: usize = 8;
 
 /// Maximum number of skipped meshes that a message names.
 const SHOWN: usize = 8;
 
-/// Assets by name, their paths relative to the root.
-pub type AssetFiles = BTreeMap<String, PathBuf>;
+/// The files of assets by name, relative to the root; at least one per asset.
+pub type AssetFiles = BTreeMap<String, Vec<PathBuf>>;
 
 /// The files that the catalog found, for the assets that are loaded later.
 #[derive(Debug, Default)]
@@ -37,8 +38,8 @@ impl FileIndex {
         Ok(Catalog { entries })
     }
 
-    /// The file of an asset. Scans the folder if the catalog does not exist yet.
-    pub fn file(&self, name: &str, find: impl FnOnce() -> Result<AssetFiles>) -> Result<Option<PathBuf>> {
+    /// The files of an asset. Scans the folder if the catalog does not exist yet.
+    pub fn files(&self, name: &str, find: impl FnOnce() -> Result<AssetFiles>) -> Result<Option<Vec<PathBuf>>> {
         match self.0.get() {
             Some(files) => Ok(files.get(name).cloned()),
             None => Ok(find()?.remove(name)),
@@ -46,7 +47,8 @@ impl FileIndex {
     }
 }
 
-/// The catalog of a root with one folder per object: folders that hold a mesh, with a category by path and name.
+/// The catalog of a root with one folder per object: folders that hold a mesh, with a category by path and name. The
+/// error for a folder without any names the kind of source that it is laid out for.
 pub fn catalog_of_folders(
     root: &AssetPath,
     has_mesh: impl Fn(&Path) -> Result<bool>,
@@ -61,7 +63,14 @@ pub fn catalog_of_folders(
             entries.push(CatalogEntry::new(&name, category(&folder, &name)?));
         }
     }
-    if entries.is_empty() { Err(nothing_found(&root, looked_for)) } else { Ok(Catalog { entries }) }
+    if !entries.is_empty() {
+        return Ok(Catalog { entries });
+    }
+    let error = nothing_found(&root, looked_for);
+    Err(match kind_of(root.folder())? {
+        Some(kind) => error.help(format!("the folder is laid out for `kind = \"{kind}\"`")),
+        None => error,
+    })
 }
 
 /// All files below a root with one of the extensions, by path without extension. The same path in several formats is
@@ -70,7 +79,8 @@ pub fn catalog_of_folders(
 /// The log gets the folders and names that were not searched.
 pub fn by_stem(root: &AssetRoot, extensions: &[&str], log: &dyn Log) -> Result<BTreeMap<PathBuf, Vec<PathBuf>>> {
     let mut stems: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
-    let found = walk(root.folder(), DEPTH, &|path| extensions.contains(&extension(path).as_str()))?;
+    let found =
+        walk(root.folder(), FOLDER_DEPTH.most as usize, &|path| extensions.contains(&extension(path).as_str()))?;
     warn_of_unsearched(root, &found, log);
     for file in found.files {
         stems.entry(file.with_extension("")).or_default().push(file);
@@ -92,7 +102,7 @@ fn warn_of_unsearched(root: &AssetRoot, found: &WalkedFiles, log: &dyn Log) {
         }
     };
     folders("symbolic links", &found.links, "name the linked folder as the `root` of a pool, or copy it into this one");
-    let deep = format!("more than {DEPTH} levels deep");
+    let deep = format!("more than {} levels deep", FOLDER_DEPTH.most);
     folders(&deep, &found.deep, "name a folder further down as the `root` of a pool");
     if found.unnamed > 0 {
         let message = format!("names that are not UTF-8 are left out: {}", found.unnamed);
@@ -102,13 +112,13 @@ fn warn_of_unsearched(root: &AssetRoot, found: &WalkedFiles, log: &dyn Log) {
 
 /// Removes collision meshes from the meshes of a root. One warning counts them by rule, another names those that may be
 /// objects. An error if no other mesh remains.
+/// `others` are meshes of formats that are not read: they are siblings, too.
 pub fn leave_out_collision_meshes(
     meshes: &mut BTreeMap<PathBuf, Vec<PathBuf>>,
+    others: &BTreeMap<PathBuf, Vec<PathBuf>>,
     root: &AssetRoot,
     log: &dyn Log,
 ) -> Result<()> {
-    // The first walk reported unsearched folders and names.
-    let others = by_stem(root, &collision::UNREAD, &Collected::default())?;
     let rules = collision::rules(meshes.keys().map(PathBuf::as_path), others.keys().map(PathBuf::as_path));
     let mut found = rules.into_iter();
     let mut left_out: Vec<(PathBuf, Rule)> = Vec::new();
@@ -154,20 +164,42 @@ fn shown<'a>(left_out: impl ExactSizeIterator<Item = &'a (PathBuf, Rule)>) -> St
     names.collect::<Vec<_>>().join(", ") + more
 }
 
-/// Adds an asset named `path`, with the first of its files. Warns about further files, and about an asset whose name
-/// already exists.
-pub fn add_asset(assets: &mut AssetFiles, path: &Path, files: &[PathBuf], root: &AssetRoot, log: &dyn Log) {
+/// Adds an asset named `path`. Each of its parts has one or several files, and the first is read. Warns about the others,
+/// and about an asset whose name already exists.
+pub fn add_asset(assets: &mut AssetFiles, path: &Path, parts: &[&[PathBuf]], root: &AssetRoot, log: &dyn Log) {
     let name = path.to_string_lossy().replace(std::path::MAIN_SEPARATOR, "/");
-    let [first, others @ ..] = files else { return };
-    if let Some(other) = assets.get(&name) {
+    let Some(first) = parts.iter().find_map(|files| files.first()) else { return };
+    if let Some(other) = assets.get(&name).and_then(|files| files.first()) {
         let message = format!("skipped: `{}` also has the name `{name}`", other.display());
         return log.warn(&Error::new(message).in_file(root.folder().join(first)).help("rename one of them"));
     }
-    for other in others {
-        let message = format!("`{name}` has several files; using `{}`", first.display());
-        log.warn(&Error::new(message).in_file(root.folder().join(other)));
+    for files in parts {
+        let [used, others @ ..] = files else { continue };
+        for other in others {
+            let message = format!("`{name}` has several files; using `{}`", used.display());
+            log.warn(&Error::new(message).in_file(root.folder().join(other)));
+        }
     }
-    assets.insert(name, first.clone());
+    assets.insert(name, parts.iter().filter_map(|files| files.first().cloned()).collect());
+}
+
+/// Warns about meshes of formats that are not read, unless a mesh of the same name is read instead.
+pub fn warn_of_foreign(
+    meshes: &BTreeMap<PathBuf, Vec<PathBuf>>,
+    others: &BTreeMap<PathBuf, Vec<PathBuf>>,
+    formats: &MeshFormats,
+    root: &AssetRoot,
+    log: &dyn Log,
+) {
+    let missing = others.iter().filter(|(stem, _)| !meshes.contains_key(*stem));
+    let files: Vec<&PathBuf> = missing.flat_map(|(_, files)| files).collect();
+    if let Some(refusal) = files.first().and_then(|file| foreign::refusal(&root.folder().join(file), formats)) {
+        let more = match files.len() {
+            1 => "the file is no object of the pool".to_owned(),
+            count => format!("{count} files in such formats are no objects of the pool"),
+        };
+        log.warn(&refusal.with_consequence(&more));
+    }
 }
 
 /// The folder above a name, or the root.

@@ -2,10 +2,11 @@
 
 use super::folder::catalog_of_folders;
 use super::keypoints::with_keypoints;
+use super::layouts::scanned_mesh;
 use crate::formats::obj;
 use std::path::Path;
 use syntable_mesh::ObjectInfo;
-use syntable_mesh::root::{AssetRoot, exists, read_file};
+use syntable_mesh::root::{AssetRoot, read_file};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog};
 use syntable_model::stage::AssetLimits;
@@ -26,8 +27,6 @@ pub struct GoogleScannedObjects {
 /// License of all objects of the collection.
 const LICENSE: &str = "CC-BY-4.0";
 
-/// Paths of the mesh inside an object's folder: as downloaded, and repackaged.
-const MESHES: [&str; 2] = ["meshes/model.obj", "model.obj"];
 /// Default category.
 const CATEGORY: &str = "google_scanned_objects";
 
@@ -47,7 +46,7 @@ impl AssetSource for GoogleScannedObjects {
     }
 
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
-        let has_mesh = |folder: &Path| mesh_in(folder).map(|mesh| mesh.is_some());
+        let has_mesh = |folder: &Path| scanned_mesh(folder).map(|mesh| mesh.is_some());
         let wanted = "`<name>/meshes/model.obj` or `<name>/model.obj`";
         catalog_of_folders(&self.root, has_mesh, |folder, _| category(folder), wanted)
     }
@@ -55,22 +54,12 @@ impl AssetSource for GoogleScannedObjects {
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         let folder = AssetRoot::open(self.root.path())?.locate(Path::new(name))?;
         let root = AssetRoot::open(&folder)?.within(self.limits);
-        let mesh = mesh_in(&folder)?.ok_or_else(|| Error::new("no mesh `model.obj`").in_file(&folder))?;
+        let mesh = scanned_mesh(&folder)?.ok_or_else(|| Error::new("no mesh `model.obj`").in_file(&folder))?;
         let model = obj::read(&root, mesh, log)?;
         let info = ObjectInfo { name: name.to_owned(), category: category(&folder)?, license: LICENSE.to_owned() };
         let (object, _) = model.into_object(info, &folder.join(mesh), log)?;
         with_keypoints(object, &root, mesh).map(Asset::from)
     }
-}
-
-/// The mesh of an object's folder, relative to it.
-pub(crate) fn mesh_in(folder: &Path) -> Result<Option<&'static Path>> {
-    for mesh in MESHES {
-        if exists(&folder.join(mesh))? {
-            return Ok(Some(Path::new(mesh)));
-        }
-    }
-    Ok(None)
 }
 
 /// The first category of `metadata.pbtxt`: the text after `first:` within `categories`.

@@ -1,22 +1,26 @@
 //! `mesh_folder`: any folder of meshes.
 
-use super::folder::{AssetFiles, FileIndex, add_asset, by_stem, category, leave_out_collision_meshes};
+use super::collision::object_folders;
+use super::folder::{AssetFiles, FileIndex, add_asset, by_stem, category, leave_out_collision_meshes, warn_of_foreign};
 use super::keypoints::with_keypoints;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use syntable_mesh::foreign;
 use syntable_mesh::format::MeshFormats;
 use syntable_mesh::root::AssetRoot;
+use syntable_mesh::scan::root_name;
 use syntable_mesh::{ObjectInfo, Up};
+use syntable_model::context::Collected;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog};
 use syntable_model::stage::AssetLimits;
 
-/// Meshes anywhere below a folder: OBJ with MTL, glTF, GLB, PLY, STL and all formats that plugins register, in meters.
-/// The pool's `units` converts other units.
+/// Meshes anywhere below a folder: OBJ with MTL, glTF, GLB, PLY, STL, COLLADA, URDF and all formats that plugins register,
+/// in meters. The pool's `units` converts other units.
 ///
 /// An asset's name is its path without the extension, or the name of its folder if the folder has no other mesh; its
 /// category is the folder above. If a mesh exists in several formats, the format with the most information is read:
-/// glTF, then OBJ, PLY, STL.
+/// URDF, then glTF, OBJ, COLLADA, PLY, STL. The meshes that a URDF file names are its parts, and no objects of their own.
 ///
 /// Collision meshes, which simulators keep next to a model, are skipped with a warning that counts them: meshes in a
 /// folder `collision`, meshes whose name without a word such as `col`, `hull` or `convex` is the name of another mesh,
@@ -32,6 +36,9 @@ pub struct MeshFolder {
     /// Which axis points up in formats that do not state it, such as OBJ, PLY and STL. glTF is y up by its standard.
     #[serde(default)]
     up: Up,
+    /// Whether every mesh file is an object, or all files of a folder are one.
+    #[serde(default)]
+    one_object_per: ObjectUnit,
     /// Treatment of collision meshes.
     #[serde(default)]
     collision_meshes: CollisionMeshes,
@@ -39,6 +46,18 @@ pub struct MeshFolder {
     files: FileIndex,
     #[serde(skip)]
     limits: AssetLimits,
+}
+
+/// The files of one object.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ObjectUnit {
+    /// A mesh file.
+    #[default]
+    File,
+    /// A folder: its mesh files are parts of one rigid body, in their common frame. Files in folders such as `visual` and
+    /// `meshes` belong to the folder above.
+    Folder,
 }
 
 /// Treatment of meshes that are collision meshes according to their names.
@@ -72,7 +91,7 @@ impl AssetSource for MeshFolder {
         let formats = MeshFormats::linked()?;
         self.files.catalog(
             &root,
-            find(&root, &formats, self.collision_meshes, log)?,
+            self.find(&root, &formats, log)?,
             &format!("file of the formats {}", formats.names("or")),
         )
     }
@@ -80,21 +99,55 @@ impl AssetSource for MeshFolder {
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         let root = AssetRoot::open(self.root.path())?.within(self.limits);
         let formats = MeshFormats::linked()?;
-        let file = self.files.file(name, || find(&root, &formats, self.collision_meshes, log))?;
-        let file = file.ok_or_else(|| Error::new(format!("no mesh `{name}`")).in_file(root.folder()))?;
-        let model = formats.read_upright(&root, &file, self.up, log)?;
+        let files = self.files.files(name, || self.find(&root, &formats, log))?.unwrap_or_default();
+        let [file, others @ ..] = files.as_slice() else {
+            return Err(Error::new(format!("no mesh `{name}`")).in_file(root.folder()));
+        };
+        let mut model = formats.read_upright(&root, file, self.up, log)?;
+        for other in others {
+            let part = formats.read_upright(&root, other, self.up, log)?;
+            model = model.with(part, root.budget()).map_err(|error| error.in_file(root.folder().join(other)))?;
+        }
         let category = category(name, root.folder());
         let info = ObjectInfo { name: name.to_owned(), category, license: String::new() };
-        let (object, _) = model.into_object(info, &root.folder().join(&file), log)?;
-        with_keypoints(object, &root, &file).map(Asset::from)
+        let (object, _) = model.into_object(info, &root.folder().join(file), log)?;
+        with_keypoints(object, &root, file).map(Asset::from)
+    }
+}
+
+impl MeshFolder {
+    fn find(&self, root: &AssetRoot, formats: &MeshFormats, log: &dyn Log) -> Result<AssetFiles> {
+        find(root, formats, self.one_object_per, self.collision_meshes, log)
     }
 }
 
 /// All meshes by name.
-fn find(root: &AssetRoot, formats: &MeshFormats, collision: CollisionMeshes, log: &dyn Log) -> Result<AssetFiles> {
+fn find(
+    root: &AssetRoot,
+    formats: &MeshFormats,
+    unit: ObjectUnit,
+    collision: CollisionMeshes,
+    log: &dyn Log,
+) -> Result<AssetFiles> {
     let mut meshes = by_stem(root, &formats.extensions(), log)?;
+    leave_out_parts(&mut meshes, root, formats);
+    // The first walk reported unsearched folders and names.
+    let others = by_stem(root, &foreign::extensions(formats), &Collected::default())?;
+    warn_of_foreign(&meshes, &others, formats, root, log);
     if collision == CollisionMeshes::Exclude {
-        leave_out_collision_meshes(&mut meshes, root, log)?;
+        leave_out_collision_meshes(&mut meshes, &others, root, log)?;
+    }
+    let mut assets = AssetFiles::new();
+    if unit == ObjectUnit::Folder {
+        let mut objects: BTreeMap<PathBuf, Vec<&[PathBuf]>> = BTreeMap::new();
+        for (folder, files) in object_folders(meshes.keys().map(PathBuf::as_path)).into_iter().zip(meshes.values()) {
+            objects.entry(folder).or_default().push(files);
+        }
+        for (folder, parts) in &objects {
+            let own = if *folder == Path::new("") { root_name(root.folder()).into() } else { folder.clone() };
+            add_asset(&mut assets, &own, parts, root, log);
+        }
+        return Ok(assets);
     }
     let mut in_folder: BTreeMap<PathBuf, usize> = BTreeMap::new();
     for stem in meshes.keys() {
@@ -120,11 +173,20 @@ fn find(root: &AssetRoot, formats: &MeshFormats, collision: CollisionMeshes, log
             name.clone_from(stem);
         }
     }
-    let mut assets = AssetFiles::new();
     for (name, files) in names.iter().zip(meshes.values()) {
-        add_asset(&mut assets, name, files, root, log);
+        add_asset(&mut assets, name, &[files], root, log);
     }
     Ok(assets)
+}
+
+/// Removes the meshes that other files are made of.
+fn leave_out_parts(meshes: &mut BTreeMap<PathBuf, Vec<PathBuf>>, root: &AssetRoot, formats: &MeshFormats) {
+    let parts = |file: &PathBuf| formats.of_file(file).map_or(Vec::new(), |format| (format.parts)(root, file));
+    let parts: BTreeSet<PathBuf> = meshes.values().flatten().flat_map(parts).collect();
+    meshes.retain(|_, files| {
+        files.retain(|file| !parts.contains(file));
+        !files.is_empty()
+    });
 }
 
 syntable_model::register!(MeshFolder);
@@ -164,9 +226,9 @@ mod tests {
         }
         let (root, log) = (AssetRoot::open(folder.path()).expect("opens"), Collected::default());
         let formats = MeshFormats::linked().expect("no clash");
-        let found = find(&root, &formats, CollisionMeshes::Exclude, &log).expect("scans");
+        let found = find(&root, &formats, ObjectUnit::File, CollisionMeshes::Exclude, &log).expect("scans");
         let got: Vec<(&str, &str)> =
-            found.iter().map(|(name, path)| (name.as_str(), path.to_str().expect("UTF-8"))).collect();
+            found.iter().map(|(name, files)| (name.as_str(), files[0].to_str().expect("UTF-8"))).collect();
         let want = [
             ("bowl", "bowl/bowl.gltf"),
             ("cola_can", "cola_can.obj"),
@@ -193,7 +255,7 @@ mod tests {
                      `col2`, `duck/model_collision_0.obj`: next to a mesh without `collision`, `jar/collision/part.obj`: folder \
                      `collision`)";
         assert!(warnings[0].contains(named), "{warnings:?}");
-        let all = find(&root, &formats, CollisionMeshes::Include, &log).expect("scans");
+        let all = find(&root, &formats, ObjectUnit::File, CollisionMeshes::Include, &log).expect("scans");
         assert!(all.contains_key("duck/Model-VHACD") && all.contains_key("jar/collision"), "{:?}", all.keys());
     }
 
@@ -209,7 +271,7 @@ mod tests {
         }
         let (root, log) = (AssetRoot::open(folder.path()).expect("opens"), Collected::default());
         let formats = MeshFormats::linked().expect("no clash");
-        assert_eq!(find(&root, &formats, CollisionMeshes::Exclude, &log).expect("scans").len(), 1);
+        assert_eq!(find(&root, &formats, ObjectUnit::File, CollisionMeshes::Exclude, &log).expect("scans").len(), 1);
         let warnings: Vec<String> = log.warnings().iter().map(ToString::to_string).collect();
         assert_eq!(warnings.len(), 2, "{warnings:?}");
         assert!(warnings[0].contains("`mug_hull_5.obj`: next to a mesh without `hull`, …)"), "{warnings:?}");
@@ -226,15 +288,19 @@ mod tests {
         std::fs::write(folder.path().join("coacd/piece_0.obj"), "x").expect("file");
         let (root, log) = (AssetRoot::open(folder.path()).expect("opens"), Collected::default());
         let formats = MeshFormats::linked().expect("no clash");
-        let error = find(&root, &formats, CollisionMeshes::Exclude, &log).expect_err("nothing is left").to_string();
+        let error = find(&root, &formats, ObjectUnit::File, CollisionMeshes::Exclude, &log)
+            .expect_err("nothing is left")
+            .to_string();
         assert!(error.contains("only collision meshes: 1 in folders named `coacd`"), "{error}");
         assert!(error.contains("collision_meshes = \"include\""), "{error}");
-        assert_eq!(find(&root, &formats, CollisionMeshes::Include, &log).expect("scans").len(), 1);
+        assert_eq!(find(&root, &formats, ObjectUnit::File, CollisionMeshes::Include, &log).expect("scans").len(), 1);
         // The rendered mesh is in an unsupported format.
-        for file in ["mug.dae", "mug_coll.obj"] {
+        for file in ["mug.fbx", "mug_coll.obj"] {
             std::fs::write(folder.path().join(file), "x").expect("file");
         }
-        let error = find(&root, &formats, CollisionMeshes::Exclude, &log).expect_err("nothing is left").to_string();
+        let error = find(&root, &formats, ObjectUnit::File, CollisionMeshes::Exclude, &log)
+            .expect_err("nothing is left")
+            .to_string();
         assert!(error.contains("1 next to a mesh of the same name without `coll`"), "{error}");
     }
 }

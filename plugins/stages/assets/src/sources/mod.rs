@@ -8,6 +8,7 @@ pub mod environment_folder;
 pub mod folder;
 pub mod google_scanned_objects;
 mod keypoints;
+pub(crate) mod layouts;
 pub mod mesh_folder;
 pub mod pbr_folder;
 pub mod ycb;

@@ -2,11 +2,11 @@
 
 use super::folder::catalog_of_folders;
 use super::keypoints::with_keypoints;
+use super::layouts::{RECONSTRUCTIONS, ycb_mesh};
 use crate::formats::obj;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use syntable_mesh::ObjectInfo;
-use syntable_mesh::root::{AssetRoot, exists};
-use syntable_mesh::scan::{is_dir, list};
+use syntable_mesh::root::AssetRoot;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog};
 use syntable_model::stage::AssetLimits;
@@ -50,14 +50,8 @@ pub enum Reconstruction {
 }
 
 impl Reconstruction {
-    fn folder(self) -> &'static str {
-        match self {
-            Self::Google16k => "google_16k",
-            Self::Google64k => "google_64k",
-            Self::Google512k => "google_512k",
-            Self::Poisson => "poisson",
-            Self::Tsdf => "tsdf",
-        }
+    pub(crate) fn folder(self) -> &'static str {
+        RECONSTRUCTIONS[self as usize]
     }
 }
 
@@ -81,13 +75,13 @@ impl AssetSource for Ycb {
 
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
         let wanted = format!("`<name>/{}/textured.obj`", self.reconstruction.folder());
-        let has_mesh = |folder: &Path| mesh_in(folder, self.reconstruction).map(|mesh| mesh.is_some());
+        let has_mesh = |folder: &Path| ycb_mesh(folder, self.reconstruction.folder()).map(|mesh| mesh.is_some());
         catalog_of_folders(&self.root, has_mesh, |_, name| Ok(category(name)), &wanted)
     }
 
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         let folder = AssetRoot::open(self.root.path())?.locate(Path::new(name))?;
-        let mesh = mesh_in(&folder, self.reconstruction)?.ok_or_else(|| {
+        let mesh = ycb_mesh(&folder, self.reconstruction.folder())?.ok_or_else(|| {
             Error::new(format!("no mesh of the reconstruction {:?}", self.reconstruction)).in_file(&folder)
         })?;
         let root = AssetRoot::open(&folder)?.within(self.limits);
@@ -100,26 +94,6 @@ impl AssetSource for Ycb {
             None => object.into(),
         })
     }
-}
-
-/// The mesh of an object's folder, relative to it.
-pub(crate) fn mesh_in(folder: &Path, reconstruction: Reconstruction) -> Result<Option<PathBuf>> {
-    let own = Path::new(reconstruction.folder());
-    for mesh in [own.join("textured.obj"), "textured.obj".into()] {
-        if exists(&folder.join(&mesh))? {
-            return Ok(Some(mesh));
-        }
-    }
-    // Simplified and repackaged versions; `textured_simple.obj` is first in order.
-    for inside in [Path::new(""), own] {
-        if is_dir(&folder.join(inside))? {
-            let simple = |name: &String| name.starts_with("textured_simple") && name.ends_with(".obj");
-            if let Some(name) = list(&folder.join(inside))?.files.into_iter().find(simple) {
-                return Ok(Some(inside.join(name)));
-            }
-        }
-    }
-    Ok(None)
 }
 
 /// Masses in grams, by the number and letter at the start of a name: Calli et al., Benchmarking in Manipulation
