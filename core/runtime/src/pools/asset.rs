@@ -3,7 +3,7 @@
 use super::open_pool::OpenPool;
 use std::sync::Arc;
 use syntable_mesh::mass::scaled_kg;
-use syntable_mesh::size::doubt;
+use syntable_mesh::size::{self, StatedLengths};
 use syntable_model::context::Log;
 use syntable_model::digest::Hasher;
 use syntable_model::error::{Error, Result};
@@ -58,7 +58,7 @@ impl OpenPool<'_> {
     pub(super) fn doubt_size(&self, asset: &Asset, log: &dyn Log) {
         let stated = self.source.states_units() || self.options.units.is_some() || self.options.scale.is_size();
         if let (Asset::Object(object), false) = (asset, stated)
-            && let Some(doubt) = doubt(object.mesh.bounds().size().max())
+            && let Some(doubt) = size::doubt(object.mesh.bounds().size().max())
         {
             log.warn(&doubt);
         }
@@ -110,7 +110,8 @@ impl OpenPool<'_> {
         let object = object.transformed(offset, scale)?;
         let mass = object.mass.with_kg(mass.0, mass.1);
         let object = Object { mass, friction, digest, license, ..object };
-        object.check_extent()?;
+        let stated = StatedLengths { units: options.units, scale: options.scale.factor(longest) };
+        size::check(object.mesh.bounds().size().max(), stated)?;
         Ok(object)
     }
 }

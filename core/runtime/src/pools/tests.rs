@@ -5,6 +5,7 @@ use super::open_pool::OpenPool;
 use super::*;
 use std::collections::BTreeSet;
 use std::time::Duration;
+use syntable_model::length_unit::LengthUnit;
 use syntable_model::scene::{
     AssetClass, Catalog, EnvironmentMap, MassOrigin, Material, Object, Scalar, Transmission, Volume,
 };
@@ -349,6 +350,16 @@ fn an_asset_is_named_with_its_number_while_it_is_loaded() {
     });
     let steps: Vec<String> = log.0.into_inner().into_iter().flatten().collect();
     assert_eq!(steps, ["loading `p/cup` (1 of 2)", "loading `p/desk`", "loading `p/tin` (2 of 2)"]);
+}
+
+#[test]
+fn an_object_in_the_wrong_unit_names_the_option_to_change() {
+    let options = PoolOptions { units: Some(LengthUnit::Mm), ..PoolOptions::default() };
+    let scan = object("scan", box_mesh([0.1, 0.05, 0.02]), [1.0; 3]);
+    let error =
+        pool(&Nothing, &options).normalize(std::sync::Arc::unwrap_or_clone(scan)).expect_err("a tenth of a millimeter");
+    let help = error.help_text().expect("a remedy");
+    assert_eq!(help, "`units = \"m\"` instead of `\"mm\"` makes it 10.0 cm", "{error}");
 }
 
 #[test]

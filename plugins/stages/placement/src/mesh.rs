@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use syntable_mesh::format::MeshFormats;
 use syntable_mesh::mass::scaled_kg;
 use syntable_mesh::root::AssetRoot;
+use syntable_mesh::size::{self, StatedLengths};
 use syntable_mesh::{ObjectInfo, Up};
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
@@ -337,7 +338,8 @@ impl Mesh {
         let object = object.transformed(Vector3::zeros(), factor)?;
         let mut object = Object { mass: object.mass.with_kg(kg, origin), digest, ..object };
         object.model.obj_id = self.obj_id;
-        object.check_extent().map_err(|error| error.in_file(path))?;
+        let stated = StatedLengths { units: Some(self.units), scale: self.scale };
+        size::check(object.mesh.bounds().size().max(), stated).map_err(|error| error.in_file(path))?;
         Ok(object)
     }
 }
