@@ -1,6 +1,6 @@
 //! KTX2 textures: Basis Universal (ETC1S, UASTC) and ASTC through `basisu`, and plain 8-bit colors, also with Zstandard.
 
-use basisu::{DecodeFlags, TargetFormat, Transcoder};
+use basisu::{DecodeFlags, SourceFormat, TargetFormat, Transcoder};
 use ktx2::{Format, Header, Reader, SupercompressionScheme};
 use ruzstd::StreamingDecoder;
 use std::io::Read;
@@ -40,7 +40,16 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
             let plain = unpack(packed, &header, pixels * channels.len())?;
             (expand(&plain, channels), format!("{format:?}"))
         }
-        _ => transcode(bytes)?,
+        _ => {
+            // The library allocates the stated bytes. Blocks of 16 bytes have 4 x 4 pixels or more.
+            let most = u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4)) * 16;
+            let stated = reader.levels().next().map_or(0, |level| level.uncompressed_byte_length);
+            if stated > most {
+                return Err(broken(format!("{stated} bytes for {width} x {height} pixels")));
+            }
+            budget.bytes(most)?;
+            transcode(bytes)?
+        }
     };
     if texels.len() != pixels * 4 {
         return Err(broken(format!("{} bytes for {width} x {height} pixels", texels.len())));
@@ -103,7 +112,11 @@ fn transcode(bytes: &[u8]) -> Result<(Vec<u8>, String)> {
         other => unsupported(&format!("{other:?}")),
     };
     let transcoder = Transcoder::new(bytes).map_err(refuse)?;
-    let kind = format!("{:?}", transcoder.source_format());
+    let source = transcoder.source_format();
+    if !matches!(source, SourceFormat::Etc1s | SourceFormat::UastcLdr | SourceFormat::AstcLdr(_)) {
+        return Err(unsupported(&format!("{source:?}")));
+    }
+    let kind = format!("{source:?}");
     Ok((transcoder.transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE).map_err(refuse)?, kind))
 }
 

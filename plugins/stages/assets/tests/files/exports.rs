@@ -436,6 +436,11 @@ fn ktx2_textures_are_read() {
         let texture = &object.materials[0].base_color.texture.as_ref().expect("a texture").texture;
         assert_eq!((texture.width, texture.height, &texture.texels), (3, 2, &rgba));
     }
+    // Half a terabyte according to the index of levels.
+    let mut bomb = include_bytes!("uastc.ktx2").to_vec();
+    bomb[96..104].copy_from_slice(&(1_u64 << 39).to_le_bytes());
+    let error = DecodedImage::decode(&bomb, &Budget::default()).expect_err("too many").to_string();
+    assert!(error.contains("549755813888 bytes for 20 x 12 pixels"), "{error}");
     // BGR: 8 bits per channel, without alpha.
     let decoded = DecodedImage::decode(&plain(30, 0, &[1, 2, 3, 4, 5, 6], [2, 1]), &Budget::default()).expect("sound");
     assert_eq!(decoded.texels, [3, 2, 1, 255, 6, 5, 4, 255]);
