@@ -301,7 +301,7 @@ fn view_products(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, k
         let depth = |hits: &Vec<InstanceId>| hits.first().map_or(f32::INFINITY, |id| 0.4567 + f32::from(id.0) * 0.1234);
         products.put(DEPTH, rays.map(depth))?;
         // A depth camera that measures a millimeter too much, and nothing in some columns.
-        let is_hole = |x: u32, depth: f32| x % 5 == 0 || !depth.is_finite();
+        let is_hole = |x: u32, depth: f32| x.is_multiple_of(5) || !depth.is_finite();
         let sensed = |x, y| Some(depth(rays.at(x, y))).filter(|depth| !is_hole(x, *depth)).map_or(0.0, |d| d + 0.001);
         products.put(DEPTH_SENSED, Plane::from_fn(WIDTH, HEIGHT, sensed))?;
         products.put(INSTANCE, rays.map(|hits| hits.first().copied().unwrap_or_default()))

@@ -121,6 +121,7 @@ fn view_of(json: &Json) -> View {
         camera: Camera::pinhole(intrinsics, Pose::from_parts(at, turn * half_turn)),
         exposure: Exposure::Fixed { ev100: 7.0 },
         lights: Vec::new(),
+        rig: None,
     }
 }
 

@@ -117,6 +117,7 @@ fn write(root: &Path, options: &str) -> BTreeMap<String, Vec<u8>> {
         camera: camera(),
         exposure: Exposure::Fixed { ev100: 1.0 },
         lights: Vec::new(),
+        rig: None,
     };
     open.view(&cx.view(&view), &products.only(&reads)).expect("written");
     open.close(&cx, &Products::new()).expect("closed");

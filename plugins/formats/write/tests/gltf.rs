@@ -183,6 +183,7 @@ fn view(number: u32) -> View {
         id: ViewId(number),
         camera,
         exposure: Exposure::Fixed { ev100: 7.0 },
+        rig: None,
         lights: vec![
             Light::Sphere(SphereLight {
                 center: Point3::new(0.5, -1.0, 3.0),
