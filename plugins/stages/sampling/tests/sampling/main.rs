@@ -230,6 +230,26 @@ fn views_follow_their_options() {
 }
 
 #[test]
+fn a_target_is_on_the_optical_axis() {
+    let scene = scene(None);
+    let listed = "poses = [{ look_at = { eye_m = [1, 0, 0.5], target_m = [0.1, 0.2, 0.3] } }, \
+                  { world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }]";
+    for (kind, options) in [
+        ("hemisphere_shell", "look_at = \"objects_center\"\nroll_deg = 30"),
+        ("hemisphere_shell", "look_at = \"shell_center\""),
+        ("orbit", "center_offset_m = 0.4"),
+        ("fixed_poses", listed),
+    ] {
+        let sampler = views(kind, options);
+        let target = sampler.target(&scene, ViewId(0)).expect("a target");
+        let pose = with_context(3, |context| sampler.pose(&scene, ViewId(0), context)).expect("a pose");
+        let seen = pose.inverse() * target;
+        assert!(seen.x.abs() < 1e-9 && seen.y.abs() < 1e-9 && seen.z > 0.1, "{kind}: {seen}");
+    }
+    assert_eq!(views("fixed_poses", listed).target(&scene, ViewId(1)), None);
+}
+
+#[test]
 fn an_orbit_goes_round() {
     let scene = scene(None);
     let sampler = views("orbit", "distance = { meters = 2 }\nelevation_deg = 30\nstart_deg = 90\nstep_deg = 90");
