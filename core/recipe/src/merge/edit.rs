@@ -1,5 +1,6 @@
 //! Changes a tree by paths: `place.objects.count`, `lights[0].count`.
 
+use crate::tables::alternatives::ONE_OF;
 use crate::tables::check;
 use crate::text::code::Code;
 use crate::text::diagnostic::DiagnosticBuilder;
@@ -138,9 +139,6 @@ pub(crate) fn read_path(path: &str, at: usize) -> Result<Vec<(Step, Span)>, Diag
         .help("paths look like `render.samples_per_pixel`, `lights[0].count` or `place.objects.count`")),
     }
 }
-
-/// Key of the alternatives of a stage.
-pub(crate) const ONE_OF: &str = "one_of";
 
 /// The ids of the stages of a list: `id` where given, else the kind or `one_of`, with `_2`, `_3` … appended on repeats.
 pub(crate) fn list_ids(items: &DeArray) -> Vec<String> {

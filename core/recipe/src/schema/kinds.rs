@@ -12,10 +12,9 @@
 //!
 //! [`editor_schema`](crate::editor_schema) brings this schema into the form that editors read.
 
-use crate::merge::edit::ONE_OF;
+use crate::tables::alternatives::{MAX_WEIGHT, ONE_OF, has_alternatives};
 use crate::tables::conditions::ViewOptions;
 use crate::tables::dataset::{DatasetTable, LockTable};
-use crate::tables::one_of::{MAX_WEIGHT, has_alternatives};
 use crate::tables::pool::PoolOptions;
 use schemars::JsonSchema;
 use serde_json::{Map, Value as Json, json};

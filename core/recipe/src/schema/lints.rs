@@ -2,9 +2,8 @@
 //!
 //! Tests run [`lints`] over a registry, the program's own as well as a plugin's.
 
-use crate::merge::edit::ONE_OF;
 use crate::schema::kinds::Schemas;
-use crate::tables::one_of::has_alternatives;
+use crate::tables::alternatives::{ONE_OF, has_alternatives};
 use serde_json::Value as Json;
 use syntable_model::registry::{ConstructError, Entry, Registry, Shape};
 use syntable_toml_schema::{DisplayPath, Outcome, plain_members};

@@ -1,5 +1,6 @@
 //! The tables of the merged tree: each validated and built into a stage, a pool or a section.
 
+pub(crate) mod alternatives;
 pub(crate) mod asset_names;
 pub(crate) mod check;
 pub(crate) mod conditions;

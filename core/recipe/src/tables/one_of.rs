@@ -1,6 +1,6 @@
 //! Alternatives of a stage: tables under `one_of`, each with the kind and the options of a stage of the slot, and a weight.
 
-use crate::merge::edit::ONE_OF;
+use crate::tables::alternatives::{MAX_WEIGHT, ONE_OF};
 use crate::tables::check;
 use crate::tables::loader::Loader;
 use crate::tables::references::PoolNames;
@@ -11,17 +11,8 @@ use crate::text::diagnostic::{DiagnosticBuilder, Severity};
 use crate::text::source::Span;
 use serde::Deserialize;
 use std::collections::BTreeSet;
-use syntable_model::registry::{RecipeValue, Slot, Stage};
+use syntable_model::registry::{RecipeValue, Stage};
 use toml::de::{DeArray, DeValue, ValueDeserializer};
-
-/// Maximum weight of an alternative, as of a pool.
-pub(crate) const MAX_WEIGHT: f64 = 1e9;
-
-/// Whether stages of a slot can have alternatives. The plan chooses the providers of products before any scene, so stages
-/// that provide products cannot; cameras and views state facts about all images.
-pub(crate) fn has_alternatives(slot: Slot) -> bool {
-    matches!(slot, Slot::Place | Slot::Settle | Slot::Lights)
-}
 
 impl<'r> Loader<'_, 'r> {
     /// Builds the alternatives of a stage, and makes them one stage; false if any could not be built.

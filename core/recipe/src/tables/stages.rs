@@ -1,12 +1,11 @@
 //! Builds stages from the tables of a recipe.
 
-use crate::merge::edit::ONE_OF;
 use crate::merge::variables;
 use crate::schema::kinds::KindSchema;
+use crate::tables::alternatives::{ONE_OF, has_alternatives};
 use crate::tables::check;
 use crate::tables::conditions::ViewOptions;
 use crate::tables::loader::Loader;
-use crate::tables::one_of::has_alternatives;
 use crate::tables::pool::PoolOptions;
 use crate::tables::references::{Draw, PoolNames, StageReferences, at_mut};
 use crate::tables::refusals::SharedOptions;
