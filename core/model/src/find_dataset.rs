@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::files::RESERVED;
-use crate::reader::{DatasetFormat, OpenDataset, Source};
+use crate::reader::{DatasetFormat, OpenDataset, Source, Unread};
 use crate::registry::Registry;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -82,6 +82,9 @@ fn find(
         return Err(Error::new("the dataset has no annotation files: a run writes them at its end")
             .in_file(root)
             .help(format!("finish the run, or add a writer of a readable format to its recipe: {}", names())));
+    }
+    if let Some(error) = Unread::known(root) {
+        return Err(error.in_file(root));
     }
     Err(Error::new("unrecognized dataset format")
         .in_file(root)

@@ -131,6 +131,36 @@ macro_rules! register_format {
     )+};
 }
 
+/// Recognizes datasets that no format reads, so that an error names their kind and a way out. Registered with
+/// [`register_unread!`](crate::register_unread).
+pub struct Unread {
+    /// Names the kind of a folder or a file in an error with a remedy; none if the kind is not known.
+    pub recognize: fn(&Path) -> Option<Error>,
+    /// Crate that registers it.
+    pub crate_name: &'static str,
+}
+
+inventory::collect!(Unread);
+
+impl Unread {
+    /// The kind of a folder or a file, if a linked crate knows it. None if the function panics.
+    pub(crate) fn known(path: &Path) -> Option<Error> {
+        let mut all: Vec<&Self> = inventory::iter::<Self>.into_iter().collect();
+        all.sort_by_key(|it| it.crate_name);
+        all.into_iter().find_map(|it| guarded(it.crate_name, path, || Ok((it.recognize)(path))).ok().flatten())
+    }
+}
+
+/// Registers a function that recognizes datasets that no format reads.
+#[macro_export]
+macro_rules! register_unread {
+    ($recognize:expr) => {
+        $crate::inventory::submit! {
+            $crate::reader::Unread { recognize: $recognize, crate_name: env!("CARGO_PKG_NAME") }
+        }
+    };
+}
+
 /// The path that a user names as a dataset.
 #[derive(Debug, Clone)]
 pub struct Source {

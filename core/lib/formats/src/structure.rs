@@ -32,6 +32,8 @@ pub struct RecordKeys(BTreeSet<String>);
 pub enum AnnotationStart {
     /// The file has lists of images and annotations.
     Records(RecordKeys),
+    /// The file has a list of images and no list of annotations.
+    Images,
     /// The file is not an annotation file.
     Other,
     /// The file cannot be read, or is not JSON.
@@ -57,6 +59,7 @@ impl AnnotationStart {
             Found { has_annotations: true, has_images, keys, .. } if has_images || !keys.is_empty() => {
                 Self::Records(RecordKeys(keys))
             }
+            Found { has_images: true, .. } if is_whole => Self::Images,
             _ if is_whole || is_other => Self::Other,
             _ => Self::Unreadable,
         }

@@ -17,6 +17,8 @@
 //! | [`uoais`] | UOAIS-Sim: what UOAIS-Net is trained from |
 //! | [`yolo`] | Ultralytics YOLO: polygons or oriented boxes |
 //!
+//! `unread` names datasets of other programs that no format reads.
+//!
 //! Writers in this crate read products only, never the bodies of the scene, so they can also write the products of a
 //! reader of another format. Pixel coordinates have their origin in the top left corner of the image.
 
@@ -35,5 +37,6 @@ mod order;
 pub mod osd_amodal;
 mod outlines;
 mod read;
+mod unread;
 pub mod uoais;
 pub mod yolo;

@@ -140,22 +140,6 @@ fn files_of_other_programs_are_recognized() {
     }
 }
 
-/// Captions and other records of images are no instances.
-#[test]
-fn files_without_objects_in_images_are_refused() {
-    for json in [
-        json!({ "images": [], "annotations": [{ "id": 1, "image_id": 1, "caption": "a mug" }] }),
-        json!([{ "image_id": 1, "category_id": 7, "bbox": [1, 2, 3, 4], "score": 0.5 }]),
-        json!({ "objects": [] }),
-    ] {
-        let folder = tempfile::tempdir().expect("a folder");
-        fs::create_dir(folder.path().join("annotations")).expect("a folder");
-        fs::write(folder.path().join("annotations/a.json"), json.to_string()).expect("written");
-        let error = open_dataset(folder.path(), None).err().expect("no dataset").to_string();
-        assert!(error.contains("unrecognized dataset format"), "{json}: {error}");
-    }
-}
-
 /// Masks and depth often have the names of the images: no folder of several is guessed.
 #[test]
 fn images_are_not_guessed_among_several_folders() {

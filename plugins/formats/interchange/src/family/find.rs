@@ -36,6 +36,9 @@ const KEYS: [(Structure, &[&str]); 5] = [
     (Structure::Instances, &["segmentation", "bbox"]),
 ];
 
+/// Keys of SA-1B's annotations, which have no `image_id`: each of its files is about one image.
+const OF_ONE_IMAGE: &[&str] = &["predicted_iou", "stability_score"];
+
 /// Starts and ends of the stems of file names, for files without annotations and for damaged files.
 const NAMES: [(Structure, &str, &str); 5] = [
     (Structure::Segments, crate::coco_panoptic::FILE, ""),
@@ -52,11 +55,14 @@ impl Structure {
             AnnotationStart::Records(keys) if keys.is_empty() => Self::by_name(file).or(Some(Self::Instances)),
             AnnotationStart::Records(keys) => Self::by_keys(&keys),
             AnnotationStart::Unreadable => Self::by_name(file).or(is_in(file, FOLDER).then_some(Self::Instances)),
-            AnnotationStart::Other => None,
+            AnnotationStart::Images | AnnotationStart::Other => None,
         }
     }
 
     fn by_keys(keys: &RecordKeys) -> Option<Self> {
+        if keys.have_any(OF_ONE_IMAGE) && !keys.have_any(&["image_id"]) {
+            return None;
+        }
         KEYS.iter().find(|(_, of)| keys.have_any(of)).map(|(structure, _)| *structure)
     }
 
