@@ -93,9 +93,17 @@ pub fn urdf(input: &[u8]) {
     inspect(&[("input.urdf", input)]);
 }
 
-/// Images of all formats of textures, recognized by their content.
+/// Images of all formats, recognized by their content: as textures, and as images of datasets.
 pub fn image(input: &[u8]) {
     inspect(&[("input.png", input)]);
+    let content = FileContent::new(input.to_vec(), "fuzz".into());
+    let _ = content.rgb();
+    // Labels of a gray image are its samples.
+    if let Ok(gray) = content.gray() {
+        assert_eq!(content.labels().expect("gray"), gray);
+    } else if let Ok(labels) = content.labels() {
+        assert!(labels.data().iter().all(|label| *label < 256), "a palette has 256 colors");
+    }
 }
 
 /// Radiance HDR environment maps.

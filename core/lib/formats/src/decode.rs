@@ -22,6 +22,15 @@ enum DecodedSamples {
     Sixteen(Vec<u16>, usize),
 }
 
+/// The samples of a PNG file with a palette.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum PaletteUse {
+    /// The colors.
+    Colors,
+    /// The places of the colors in the palette.
+    Places,
+}
+
 /// First bytes of PNG files.
 const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 /// First bytes of JPEG files.
@@ -179,7 +188,10 @@ impl FileContent {
 
     /// A gray image of 8 or 16 bits from a PNG file.
     pub fn gray(&self) -> Result<Plane<u16>> {
-        let ([width, height], samples) = self.png()?;
+        self.of_labels(self.png()?)
+    }
+
+    fn of_labels(&self, ([width, height], samples): ([u32; 2], DecodedSamples)) -> Result<Plane<u16>> {
         match samples {
             DecodedSamples::Eight(samples, 1) => {
                 Ok(Plane::from_vec(width, height, samples.into_iter().map(u16::from).collect()))
@@ -187,6 +199,11 @@ impl FileContent {
             DecodedSamples::Sixteen(samples, 1) => Ok(Plane::from_vec(width, height, samples)),
             DecodedSamples::Eight(..) | DecodedSamples::Sixteen(..) => Err(self.unlike("a gray image", "colored")),
         }
+    }
+
+    /// Labels from a PNG file: a gray image of 8 or 16 bits, or the places of colors in a palette.
+    pub fn labels(&self) -> Result<Plane<u16>> {
+        self.of_labels(guarded(PNG_LIBRARY, &self.path, || self.decode_png(PaletteUse::Places))?)
     }
 
     /// Depth in meters from a gray PNG file whose step is `unit_mm`; infinite where it is 0. A depth is the smallest
@@ -235,10 +252,10 @@ impl FileContent {
     }
 
     fn png(&self) -> Result<([u32; 2], DecodedSamples)> {
-        guarded(PNG_LIBRARY, &self.path, || self.decode_png())
+        guarded(PNG_LIBRARY, &self.path, || self.decode_png(PaletteUse::Colors))
     }
 
-    fn decode_png(&self) -> Result<([u32; 2], DecodedSamples)> {
+    fn decode_png(&self, palette: PaletteUse) -> Result<([u32; 2], DecodedSamples)> {
         let fail = |error: png::DecodingError| self.refuse(format!("not a readable PNG file: {error}"));
         if self.bytes.is_empty() {
             return Err(self.refuse("the file is empty"));
@@ -260,6 +277,10 @@ impl FileContent {
         let size = [header.width, header.height];
         // The transparency of a palette, which is only known later, at most doubles the size from the header.
         self.check_header(size, Some(0))?;
+        let has_places = palette == PaletteUse::Places && header.color_type == ColorType::Indexed;
+        if has_places {
+            decoder.set_transformations(Transformations::IDENTITY);
+        }
         let mut reader = decoder.read_info().map_err(fail)?;
         let length = reader.output_buffer_size();
         self.check_header(size, length.map(|length| length as u64))?;
@@ -277,6 +298,7 @@ impl FileContent {
                 let samples = buffer.as_chunks().0.iter().map(|bytes| u16::from_be_bytes(*bytes)).collect();
                 DecodedSamples::Sixteen(samples, channels)
             }
+            bits if has_places => DecodedSamples::Eight(unpacked(&buffer, bits as usize, size), channels),
             _ => DecodedSamples::Eight(buffer, channels),
         };
         Ok((size, samples))
@@ -388,6 +410,15 @@ pub fn byte_count(shape: &[usize], element: usize) -> Option<usize> {
     Some(if shape.contains(&0) { 0 } else { largest })
 }
 
+/// Samples of 1, 2, 4 or 8 bits, as bytes. Each row starts with a new byte, and its first sample has the highest bits.
+fn unpacked(packed: &[u8], bits: usize, [width, height]: [u32; 2]) -> Vec<u8> {
+    let (per_byte, mask) = (8 / bits, u8::MAX >> (8 - bits));
+    let row_bytes = (width as usize).div_ceil(per_byte);
+    let sample = |row: &[u8], x: usize| row[x / per_byte] >> (8 - bits * (x % per_byte + 1)) & mask;
+    let rows = packed.chunks_exact(row_bytes.max(1)).take(height as usize);
+    rows.flat_map(|row| (0..width as usize).map(move |x| sample(row, x))).collect()
+}
+
 /// The tag `Orientation` (0x0112) of the first directory of an EXIF block that starts with its TIFF header (Exif 2.32,
 /// section 4.6).
 fn orientation(exif: &[u8]) -> Option<u16> {
@@ -465,6 +496,32 @@ mod tests {
         fs::write(&path, JPEG).expect("written");
         let error = gray(&path).expect_err("no PNG").to_string();
         assert!(error.contains("it is a JPEG file") && error.contains("write the image as a PNG"), "{error}");
+    }
+
+    #[test]
+    fn places_in_a_palette_are_labels() {
+        for (depth, bits) in [(BitDepth::One, 1), (BitDepth::Two, 2), (BitDepth::Four, 4), (BitDepth::Eight, 8)] {
+            let label = |x: u32, y: u32| (x + 3 * y) as u16 % (1 << bits.min(7));
+            // 11 samples do not fill the last byte of a row.
+            let (width, height) = (11, 3);
+            let rows = (0..height).flat_map(|y| {
+                let mut row = vec![0_u8; (width as usize * bits).div_ceil(8)];
+                (0..width).for_each(|x| {
+                    let place = x as usize * bits;
+                    row[place / 8] |= (label(x, y) as u8) << (8 - bits - place % 8);
+                });
+                row
+            });
+            let (rows, mut file) = (rows.collect::<Vec<u8>>(), Vec::new());
+            let mut encoder = png::Encoder::new(&mut file, width, height);
+            encoder.set_color(ColorType::Indexed);
+            encoder.set_depth(depth);
+            encoder.set_palette(vec![7; 3 << bits]);
+            encoder.write_header().and_then(|mut it| it.write_image_data(&rows)).expect("encoded");
+            let content = FileContent::new(file, "labels.png".into());
+            assert_eq!(content.labels().expect("labels"), Plane::from_fn(width, height, label), "{bits} bits");
+            assert!(content.gray().expect_err("a color image").to_string().contains("it is colored"));
+        }
     }
 
     #[test]
