@@ -284,11 +284,16 @@ fn poses_masks_depths_and_counts_belong_together() {
     if !is_there(import.is_ok_and(|output| output.status.success()), &format!("python3 with {modules}")) {
         return;
     }
-    for (options, split, set) in [("", "train_pbr", "annotated"), (ALL_OPTIONS, "test", "all")] {
+    for (options, split, set, center) in [
+        ("", "train_pbr", "annotated", "0"),
+        (ALL_OPTIONS, "test", "all", "0"),
+        ("pixel_centers = \"half_integers\"", "train_pbr", "annotated", "0.5"),
+    ] {
         let folder = tempfile::tempdir().expect("a folder");
         write_all(folder.path(), options);
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/check_bop.py");
-        let output = Command::new("python3").arg(script).arg(folder.path().join("bop")).args([split, set]).output();
+        let output =
+            Command::new("python3").arg(script).arg(folder.path().join("bop")).args([split, set, center]).output();
         let output = output.expect("python3 starts");
         let printed = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
         assert!(output.status.success(), "{options}\n{}{}", printed[0], printed[1]);
@@ -398,6 +403,21 @@ fn what_bop_cannot_have_is_refused() {
         products.put(CAMERA, Value::record([("width", 3_i64.into())])).expect("once");
     });
     assert!(error.contains("product `camera` does not have what BOP needs: missing field `height`"), "{error}");
+}
+
+#[test]
+fn pixel_centers_are_read_back() {
+    for layout in ["scenewise", "webdataset"] {
+        for centers in ["integers", "half_integers"] {
+            let folder = tempfile::tempdir().expect("a folder");
+            write_all(folder.path(), &format!("layout = {layout:?}\npixel_centers = {centers:?}"));
+            let read = opened(folder.path());
+            let products = read.read(0, &[CAMERA.id()]).expect("readable").products;
+            let camera = serde_json::to_value(products.get(CAMERA).expect("a camera")).expect("JSON");
+            let [cx, cy] = [0, 1].map(|row| camera["K"][row][2].as_f64().expect("a number"));
+            assert!((cx - K.cx).abs() < 1e-12 && (cy - K.cy).abs() < 1e-12, "{layout} {centers}: {cx} {cy}");
+        }
+    }
 }
 
 /// Opens the dataset of a folder, in the format that it appears to have.

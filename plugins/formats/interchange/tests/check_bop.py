@@ -1,6 +1,8 @@
 """Checks a BOP dataset of ellipsoids: loads it as bop_toolkit does and computes masks, depths and counts from the poses.
 
-usage: check_bop.py FOLDER SPLIT annotated|all
+usage: check_bop.py FOLDER SPLIT annotated|all CENTER
+
+CENTER is the position of the center of the first pixel along each axis.
 """
 
 import json
@@ -11,7 +13,7 @@ import numpy as np
 from PIL import Image
 from pycocotools.coco import COCO
 
-ROOT, SPLIT, SET = pathlib.Path(sys.argv[1]), sys.argv[2], sys.argv[3]
+ROOT, SPLIT, SET, CENTER = pathlib.Path(sys.argv[1]), sys.argv[2], sys.argv[3], float(sys.argv[4])
 
 
 def load(path):
@@ -26,7 +28,7 @@ def same(got, want, what):
 
 def silhouette(K, R, t, axes, xs, ys):
     """For each pixel center: whether the ray hits the ellipsoid, and the depth of the nearer hit, mm."""
-    u, v = np.meshgrid(xs, ys)
+    u, v = np.meshgrid(xs + CENTER, ys + CENTER)
     rays = np.stack([u, v, np.ones_like(u)], -1).astype(float) @ np.linalg.inv(K).T
     o, d = (-R.T @ t) / axes, (rays @ R) / axes
     a, b, c = (d * d).sum(-1), d @ o, o @ o - 1
@@ -74,8 +76,9 @@ for folder in scenes:
     for image, entries in truth.items():
         K = np.array(cameras[image]["cam_K"]).reshape(3, 3)
         same([camera[k] for k in ("fx", "fy", "width", "height")], [60, 62, 64, 48], "camera")
-        assert np.allclose([camera["cx"], camera["cy"]], [30.8, 24.4], atol=1e-12)
-        assert np.allclose(K, [[60, 0, 30.8], [0, 62, 24.4], [0, 0, 1]], atol=1e-12), K
+        cx, cy = 30.8 + CENTER, 24.4 + CENTER
+        assert np.allclose([camera["cx"], camera["cy"]], [cx, cy], atol=1e-12)
+        assert np.allclose(K, [[60, 0, cx], [0, 62, cy], [0, 0, 1]], atol=1e-12), K
         R_w2c = np.array(cameras[image]["cam_R_w2c"]).reshape(3, 3)
         assert np.allclose(R_w2c @ R_w2c.T, np.eye(3)) and np.isclose(np.linalg.det(R_w2c), 1)
         eye = -R_w2c.T @ np.array(cameras[image]["cam_t_w2c"])
@@ -112,7 +115,7 @@ for folder in scenes:
             same([got["bbox_obj"], got["bbox_visib"]], boxes, f"{what}: boxes")
             # Points of the depth image are on the surface.
             v, u = np.nonzero(visible & (png < 65535))
-            points = (np.stack([u, v, np.ones_like(u)]) * png[v, u] * scale).T @ np.linalg.inv(K).T
+            points = (np.stack([u + CENTER, v + CENTER, np.ones_like(u)]) * png[v, u] * scale).T @ np.linalg.inv(K).T
             R, t, axes = pose(gt)
             off = np.abs(np.linalg.norm(((points - t) @ R) / axes, axis=1) - 1)
             assert (off < 0.01).all(), f"{what}: points off the surface by {off.max()}"
@@ -189,7 +192,7 @@ def check_models():
         normals = np.cross(b - a, c - a)
         assert ((normals * (a + b + c)).sum(1) > -1e-6).all(), f"{name}: faces look inwards"
     y, x = np.mgrid[:48, :64]
-    pixels = np.stack([x.ravel(), y.ravel()], 1).astype(float)
+    pixels = np.stack([x.ravel(), y.ravel()], 1) + CENTER
     compared, shifted = 0, 0
     for folder in scenes:
         cameras, truth = load(folder / "scene_camera.json"), load(folder / "scene_gt.json")

@@ -1,8 +1,9 @@
 //! The files that need the numbers of the assets, which are known only once the whole dataset is written.
 
 use super::record::{
-    BopCamera, BopImage, CAMERA_FILE, DATASET_INFO, FINISHED_SCENE_FILES, GroundTruth, KEY_TO_SHARD, MODELS_INFO,
-    OBJECTS, ObjectRecord, SAMPLE_GT, ShownMask, TARGETS, ViewRecord, key, model_file, shard_file,
+    BopCamera, BopImage, BopPixelCenters, CAMERA_FILE, DATASET_INFO, FINISHED_SCENE_FILES, GroundTruth, KEY_TO_SHARD,
+    MODELS_INFO, OBJECTS, ObjectRecord, PIXEL_CENTERS, SAMPLE_GT, ShownMask, TARGETS, ViewRecord, key, model_file,
+    shard_file,
 };
 use super::scene::{Entries, json as line};
 use super::shard;
@@ -66,7 +67,7 @@ pub fn paths(config: &Bop, dataset: &DatasetInfo, id: &str) -> Vec<String> {
 pub fn write(config: &Bop, cx: &DatasetContext, finish: &Finish) -> Result<()> {
     let dataset = cx.dataset;
     let summary = Summary::of(finish, cx.log)?;
-    let info = json!({
+    let mut info = json!({
         "name": dataset.name,
         "program": dataset.program,
         "split": config.split,
@@ -78,6 +79,9 @@ pub fn write(config: &Bop, cx: &DatasetContext, finish: &Finish) -> Result<()> {
             BopMeshes::Models | BopMeshes::ModelsAndEval => "models/obj_{obj_id:06}.ply; objects.json has the names",
         },
     });
+    if config.pixel_centers != BopPixelCenters::default() {
+        info[PIXEL_CENTERS] = json!(config.pixel_centers);
+    }
     let mut objects = Entries::default();
     by_number(&summary.obj_ids).iter().try_for_each(|(obj_id, asset)| objects.push(obj_id, asset))?;
     let [camera_file, info_file, objects_file] = FILES.map(|name| format!("{}/{name}", finish.id()));

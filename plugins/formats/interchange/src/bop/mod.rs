@@ -13,6 +13,7 @@ mod surface;
 mod write;
 
 use crate::family::write::check_split;
+pub use record::BopPixelCenters;
 use record::{MODELS, MODELS_EVAL};
 use syntable_formats::depth::DepthSource;
 use syntable_formats::encode::rgb::RgbFiles;
@@ -25,8 +26,12 @@ use syntable_model::prelude::*;
 /// Each scene of the dataset is a BOP scene, and each view is one of its images. Lengths are in millimeters. Poses map
 /// the model frame to the camera frame: x right, y down, z forward. The model frame is the frame of the asset's file,
 /// wherever the pool puts the center of the object. Evaluations with a benchmark's own models therefore fit, provided
-/// that the pool leaves `scale` at 1. `cam_K` has pixel centers at integers, as in BlenderProc's files and in
-/// `depth_im_to_dist_im` of bop_toolkit: its `cx` and `cy` are the values of the product `camera` minus 0.5.
+/// that the pool leaves `scale` at 1.
+///
+/// `cam_K` has pixel centers at integers, as in BlenderProc's files and in `project_pts` and `depth_im_to_dist_im` of bop_toolkit:
+/// its `cx` and `cy` are the values of the product `camera` minus 0.5. The renderers of bop_toolkit follow OpenGL, with pixel
+/// centers at half-integers, so their images are half a pixel off. `pixel_centers = "half_integers"` is for evaluations that
+/// render, such as VSD; `dataset_info.json` then says so, and the reader follows it.
 ///
 /// `obj_id` is the number of the asset in its pool: the number in the file name (`bop_models`), the number in the
 /// pool's `ids`, or the position of the asset among all assets of the pool. It depends neither on the drawn assets nor
@@ -97,6 +102,8 @@ pub struct Bop {
     /// Files of the color images. The training images of the benchmark, BOP-PBR, are JPEG files.
     #[serde(skip_serializing_if = "RgbFiles::is_default")]
     pub rgb: RgbFiles,
+    /// Positions of pixel centers, which decide the principal point of `cam_K` and `camera.json`.
+    pub pixel_centers: BopPixelCenters,
 }
 
 /// How images are stored.
@@ -152,6 +159,7 @@ impl Default for Bop {
             layout: BopLayout::Scenewise,
             models: BopMeshes::None,
             rgb: RgbFiles::default(),
+            pixel_centers: BopPixelCenters::default(),
         }
     }
 }

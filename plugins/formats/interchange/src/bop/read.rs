@@ -4,8 +4,8 @@ use super::check::{self, CocoScene};
 use super::files::{self, BopImageRecord, BopImages, json};
 use super::meshes::Meshes;
 use super::record::{
-    BopCamera, BopModelInfo, CAMERA_FILE, CameraProduct, GroundTruth, MM, MODELS, MODELS_INFO, OBJECTS, SceneCamera,
-    model_number,
+    BopCamera, BopDatasetInfo, BopModelInfo, BopPixelCenters, CAMERA_FILE, CameraProduct, DATASET_INFO, GroundTruth,
+    MM, MODELS, MODELS_INFO, OBJECTS, SceneCamera, model_number,
 };
 use serde::de::{DeserializeOwned, IgnoredAny};
 use serde_json::{Value as Json, json};
@@ -45,6 +45,7 @@ struct BopSource {
     /// Numbers of the objects of each scene.
     of_scenes: BTreeMap<SceneId, BTreeSet<u64>>,
     camera: Option<BopCamera>,
+    pixel_centers: BopPixelCenters,
     /// The annotation files of scenes by folder, read at their first use.
     coco: BTreeMap<PathBuf, OnceLock<Result<Option<CocoScene>>>>,
 }
@@ -65,6 +66,8 @@ fn open(source: &Source) -> Result<Opened> {
     let above = split.folder.parent().unwrap_or(&split.folder);
     let names = optional(source, [root, above], Path::new(OBJECTS))?;
     let camera: Option<BopCamera> = optional(source, [root, above], Path::new(CAMERA_FILE))?;
+    let about: BopDatasetInfo = optional(source, [root, above], Path::new(DATASET_INFO))?;
+    let pixel_centers = about.pixel_centers.value().copied().unwrap_or_default();
     camera.iter().for_each(|camera| check::camera_is_valid(camera, &mut faults));
     let model_folders = [root, above].map(|folder| folder.join(MODELS));
     let models: Option<BTreeMap<u64, BopModelInfo>> =
@@ -90,8 +93,19 @@ fn open(source: &Source) -> Result<Opened> {
     offers.extend(has_meshes.then_some(OBJECT_MODELS.id()));
     let notes = numbers.caveat().map(|text| Note::caveat(text).of([CATEGORY_ID.id()])).into_iter().collect();
     let category_ids = categories.ids().into_iter().filter(|(own, _)| numbers.known.contains(own)).collect();
-    let source =
-        BopSource { categories, refs: refs.clone(), images, names, bounds, models, meshes, of_scenes, camera, coco };
+    let source = BopSource {
+        categories,
+        refs: refs.clone(),
+        images,
+        names,
+        bounds,
+        models,
+        meshes,
+        of_scenes,
+        camera,
+        pixel_centers,
+        coco,
+    };
     Ok(Opened {
         faults: faults.into_inner(),
         derived: keys![OCCLUSION_MASK],
@@ -204,7 +218,8 @@ impl ImageSource for BopSource {
             products.put(DEPTH, record.depth()?)?;
         }
         if wanted(CAMERA.id()) {
-            products.put(CAMERA, Value::of(&CameraProduct::of(&record.camera, [width, height]))?)?;
+            products
+                .put(CAMERA, Value::of(&CameraProduct::of(&record.camera, [width, height], self.pixel_centers))?)?;
         }
         let each = |of: &dyn Fn(usize, &GroundTruth) -> Result<Value>| -> Result<PerInstance<Value>> {
             let objects = record.objects.iter().enumerate();

@@ -29,6 +29,8 @@ pub const FINISHED_SCENE_FILES: [&str; 3] = [SCENE_GT, SCENE_GT_COCO, SCENE_GT_C
 pub const CAMERA_FILE: &str = "camera.json";
 /// Name and size of the dataset.
 pub const DATASET_INFO: &str = "dataset_info.json";
+/// A key of it. Without the key, pixel centers are at integers.
+pub const PIXEL_CENTERS: &str = "pixel_centers";
 /// Names of the objects by number.
 pub const OBJECTS: &str = "objects.json";
 /// The objects and images on which methods are tested.
@@ -110,8 +112,29 @@ impl BopImage {
 
 /// Millimeters per meter.
 pub const MM: f64 = 1000.0;
-/// Position of the center of the first pixel in an image whose corner is (0, 0); it is 0 in BOP's matrices.
+/// Position of the center of the first pixel in an image whose corner is (0, 0).
 const PIXEL_CENTER: f64 = 0.5;
+/// Positions of pixel centers.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BopPixelCenters {
+    /// The center of the first pixel is (0, 0), as in BlenderProc.
+    #[default]
+    Integers,
+    /// The center of the first pixel is (0.5, 0.5), as in OpenGL and in bop_toolkit's renderers.
+    HalfIntegers,
+}
+
+impl BopPixelCenters {
+    /// Distance of the center of the first pixel from the origin, along each axis, px.
+    pub fn first(self) -> f64 {
+        match self {
+            Self::Integers => 0.0,
+            Self::HalfIntegers => 0.5,
+        }
+    }
+}
+
 /// The box of an object without pixels.
 pub const NO_BOX: [i64; 4] = [-1; 4];
 
@@ -215,6 +238,14 @@ impl SceneCamera {
     }
 }
 
+/// The part of `dataset_info.json` that is read back.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub struct BopDatasetInfo {
+    /// Other programs have no such key.
+    pub pixel_centers: LenientField<BopPixelCenters>,
+}
+
 /// `camera.json`.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct BopCamera {
@@ -229,27 +260,28 @@ pub struct BopCamera {
 
 impl CameraProduct {
     /// The camera of an image, with the corner of the first pixel at (0, 0).
-    pub fn of(camera: &SceneCamera, [width, height]: [u32; 2]) -> Self {
+    pub fn of(camera: &SceneCamera, [width, height]: [u32; 2], centers: BopPixelCenters) -> Self {
         let [fx, skew, cx, _, fy, cy, ..] = camera.k;
+        let [cx, cy] = [cx, cy].map(|at| at + (PIXEL_CENTER - centers.first()));
         Self {
             width,
             height,
-            k: [[fx, skew, cx + PIXEL_CENTER], [0.0, fy, cy + PIXEL_CENTER], [0.0, 0.0, 1.0]],
+            k: [[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]],
             world_from_camera: camera.world_from_camera(),
             camera_from_world: camera.camera_from_world(),
             distortion: DistortionRecord::default(),
         }
     }
 
-    /// The intrinsics with the center of the first pixel at (0, 0).
-    pub fn camera(&self, depth_scale: f64) -> BopCamera {
+    /// The intrinsics for these pixel centers.
+    pub fn camera(&self, depth_scale: f64, centers: BopPixelCenters) -> BopCamera {
         let [[fx, _, cx], [_, fy, cy], _] = self.k;
-        let (cx, cy) = (cx - PIXEL_CENTER, cy - PIXEL_CENTER);
+        let [cx, cy] = [cx, cy].map(|at| at - (PIXEL_CENTER - centers.first()));
         BopCamera { cx, cy, depth_scale, fx, fy, height: self.height, width: self.width }
     }
 
-    pub fn scene_camera(&self, depth_scale: f64) -> SceneCamera {
-        let BopCamera { fx, fy, cx, cy, .. } = self.camera(depth_scale);
+    pub fn scene_camera(&self, depth_scale: f64, centers: BopPixelCenters) -> SceneCamera {
+        let BopCamera { fx, fy, cx, cy, .. } = self.camera(depth_scale, centers);
         let (rotation, translation_mm) = self.camera_from_world.as_ref().map(pose).unzip();
         let k = [fx, self.k[0][1], cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
         SceneCamera { k, depth_scale, rotation, translation_mm }

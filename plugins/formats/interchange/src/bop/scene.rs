@@ -90,7 +90,8 @@ struct BopView {
 
 impl SceneWriter for BopScene {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let (view, scale) = (cx.view_id, self.config.depth_scale);
+        let Bop { depth_scale: scale, pixel_centers, .. } = self.config;
+        let view = cx.view_id;
         let camera: CameraProduct = read(products.get(CAMERA)?, CAMERA.name())?;
         if !camera.distortion.is_none() {
             return Err(Error::new("BOP has no cameras with lens distortion")
@@ -101,7 +102,7 @@ impl SceneWriter for BopScene {
         let files = BopView {
             rgb: self.config.rgb.encode(products.get(RGB)?)?,
             depth: depth_image(depth, scale, Rounding::Nearest, (cx.log, DEEPER)),
-            camera: camera.scene_camera(scale),
+            camera: camera.scene_camera(scale, pixel_centers),
             infos: objects.iter().map(|object| object.visibility.info(object.visible.bbox())).collect(),
         };
         match self.config.layout {
@@ -109,7 +110,7 @@ impl SceneWriter for BopScene {
             BopLayout::Webdataset => self.add_sample(&key(cx.scene_id, view), &files, &objects)?,
         }
         let objects = objects.into_iter().map(BopObject::record).collect();
-        self.shard.view(&ViewRecord { view: view.0, camera: camera.camera(scale), objects })
+        self.shard.view(&ViewRecord { view: view.0, camera: camera.camera(scale, pixel_centers), objects })
     }
 
     fn close(mut self: Box<Self>, _: &ImagesContext, products: &Products) -> Result<()> {
