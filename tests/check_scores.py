@@ -178,7 +178,9 @@ def coco_scores(folder: Path, kind: str, what: str, categories: bool, bop: bool 
                 rle = it["segmentation"] = it["visible_mask"]
                 it |= {"area": int(mask.area(rle)), "bbox": mask.toBbox(rle).tolist()}
     key = "segmentation" if kind == "visible" else "amodal_segmentation"
-    results = [{**{k: it[k] for k in ("image_id", "category_id", "score")}, "segmentation": it[key]} for it in results]
+    # `loadRes` sets the area of a result from its box if it has one, and else from its mask.
+    predicted = (lambda rle: {"bbox": mask.toBbox(rle).tolist()}) if what == "bbox" else (lambda rle: {"segmentation": rle})
+    results = [{**{k: it[k] for k in ("image_id", "category_id", "score")}, **predicted(it[key])} for it in results]
     if not categories:
         # Else pycocotools ranks equal scores of an image by category.
         data["categories"] = data["categories"][:1]

@@ -1,6 +1,6 @@
 //! COCO's average precision and recall, equal to pycocotools with `useCats = 0`.
 //!
-//! Boxes and areas are computed from masks. Predictions are ranked by score. Of equal scores, the earlier image comes
+//! Boxes and areas are computed from masks. The area of an object is the area of its mask, except for a predicted box. Predictions are ranked by score. Of equal scores, the earlier image comes
 //! first, then the earlier prediction.
 
 use crate::image::ImagePair;
@@ -123,8 +123,7 @@ impl MaskKind {
         let crowds = objects.crowds.iter().map(|it| ComparedShape::new(&it.mask, true));
         let labels: Vec<ComparedShape> = shown.map(|mask| ComparedShape::new(mask, false)).chain(crowds).collect();
         let ranked = || objects.ranked.iter();
-        let predictions: Vec<ComparedShape> =
-            ranked().take(MOST).map(|it| ComparedShape::new((self.of)(it), false)).collect();
+        let predictions: Vec<ComparedShape> = ranked().take(MOST).map(|it| self.predicted((self.of)(it))).collect();
         let overlaps: Vec<Vec<f64>> =
             predictions.iter().map(|it| labels.iter().map(|label| self.overlap(it, label)).collect()).collect();
         let scores = ranked().map(|it| it.score.unwrap_or(0.0));
@@ -156,14 +155,19 @@ impl MaskKind {
         KindTally { labels: count, found, is_unranked: ranked().any(|it| it.score.is_none()) }
     }
 
+    /// A prediction. `loadRes` of pycocotools computes the area of a result with a box from the box.
+    fn predicted<'a>(&self, mask: &'a Mask) -> ComparedShape<'a> {
+        let shape = ComparedShape::new(mask, false);
+        let area = if self.is_box { box_area(&shape.bbox) as u32 } else { shape.area };
+        ComparedShape { area, ..shape }
+    }
+
     /// IoU; for a crowd, the share of the prediction that lies in it.
     fn overlap(&self, prediction: &ComparedShape, label: &ComparedShape) -> f64 {
         if !prediction.bbox.meets(&label.bbox) {
             return 0.0;
         }
-        let area = |it: &ComparedShape| {
-            if self.is_box { f64::from(it.bbox.width) * f64::from(it.bbox.height) } else { f64::from(it.area) }
-        };
+        let area = |it: &ComparedShape| if self.is_box { box_area(&it.bbox) } else { f64::from(it.area) };
         let both = if self.is_box {
             common(&prediction.bbox, &label.bbox)
         } else {
@@ -172,6 +176,11 @@ impl MaskKind {
         let whole = if label.is_crowd { area(prediction) } else { area(prediction) + area(label) - both };
         both / whole
     }
+}
+
+/// Width times height, px².
+fn box_area(bbox: &BBox) -> f64 {
+    f64::from(bbox.width) * f64::from(bbox.height)
 }
 
 /// Area of the intersection of two boxes.
