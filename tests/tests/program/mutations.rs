@@ -71,12 +71,33 @@ fn datasets() -> Vec<(Arc<dyn DatasetFormat>, &'static str)> {
 /// Writes a dataset of two views and a few objects. Returns its root; none if the writer refuses the options.
 fn written(folder: &Path, kind: &str, options: &str) -> Option<PathBuf> {
     let info = DatasetInfo { classes: vec!["bowl".into(), "mug".into()], ..dataset(1, 2) };
+    if kind == "ocid" {
+        written(folder, "tod", options)?;
+        move_to_ocid(&folder.join("data"));
+        return Some(folder.join("data"));
+    }
     let writer = writer(kind, options).ok()?;
     let take = take(0, 4, &[Crowd::Random, Crowd::Hidden]);
     write_scenes(folder, "data", &*writer, &info, [&take]).expect("written");
     finish(folder, "data", &*writer, &info, &[0]).expect("finished");
     let _ = std::fs::remove_dir_all(folder.join(".syntable"));
     Some(registry().find_dataset(&Source::new(folder), None).unwrap_or_else(|error| panic!("{kind}: {error}")).1.path)
+}
+
+/// Moves the images of TOD's first scene to where OCID has them, since no writer writes OCID.
+fn move_to_ocid(root: &Path) {
+    let sequence = root.join("ARID20/table/top/seq01");
+    for (image, folder) in [("rgb", "rgb"), ("depth", "depth"), ("segmentation", "label")] {
+        std::fs::create_dir_all(sequence.join(folder)).expect("a folder");
+        let scene = std::fs::read_dir(root.join("training_set/scene_00000")).expect("a scene");
+        for path in scene.flatten().map(|entry| entry.path()) {
+            let stem = path.file_stem().expect("a name").to_string_lossy().into_owned();
+            if let Some(view) = stem.strip_prefix(image) {
+                std::fs::rename(&path, sequence.join(folder).join(format!("result{view}.png"))).expect("moved");
+            }
+        }
+    }
+    std::fs::remove_dir_all(root.join("training_set")).expect("there");
 }
 
 /// Reads a whole dataset. Returns the errors and faults.

@@ -13,7 +13,9 @@
 //! | [`d2sa`] | D2S amodal: COCO with visible and invisible masks and the order of occlusion |
 //! | [`insta_order`] | InstaOrder: pairwise orders of occlusion and depth, and COCO's instances |
 //! | [`kins`] | KINS: amodal and visible polygons, with groups of overlapping objects |
+//! | [`ocid`] | nothing: OCID is only read |
 //! | [`osd_amodal`] | OSD-Amodal: the folders that UOAIS-Net's evaluation reads |
+//! | [`tod`] | TOD: scenes from which UOIS-Net and UCN are trained |
 //! | [`uoais`] | UOAIS-Sim: what UOAIS-Net is trained from |
 //! | [`yolo`] | Ultralytics YOLO: polygons or oriented boxes |
 //!
@@ -32,11 +34,14 @@ mod family;
 mod field;
 pub mod insta_order;
 pub mod kins;
+mod label_images;
 mod labels;
+pub mod ocid;
 mod order;
 pub mod osd_amodal;
 mod outlines;
 mod read;
+pub mod tod;
 mod unread;
 pub mod uoais;
 pub mod yolo;

@@ -430,6 +430,61 @@ def check_osd_amodal(root, views, _):
     return checked
 
 
+def look_at(camera):
+    """The matrix from the world to a camera with x right, y down, z forward, by position, target and up vector."""
+    position, target, up = (np.array(camera[key]) for key in ("camera_pos", "lookat_pos", "camera_up_vector"))
+    forward = (target - position) / np.linalg.norm(target - position)
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    return rotation, -rotation @ position
+
+
+def check_tod(root, views, _):
+    """The loaders count views of a scene; the entries of `object_descriptions` follow the labels from 2 on."""
+    scenes = sorted((root / "training_set").glob("*/"))
+    same(len(scenes) * VIEWS_PER_SCENE, len(views), "views")
+    checked = 0
+    for scene in scenes:
+        own = [v for v in views if f"scene_{v.scene:05}" == scene.name]
+        described = json.loads((scene / "scene_description.txt").read_text())
+        keys(described, "object_descriptions views", scene)
+        cameras = described["views"]
+        cameras = [cameras["background"], cameras["background+table"], *cameras["background+table+objects"]]
+        same(len(cameras), len(own), "cameras")
+        surfaces = {}
+        for view, camera in zip(own, cameras):
+            np.testing.assert_allclose(camera["camera_pos"], [1.0, 0.1 * view.view, 1.5], atol=1e-12)
+            rgb = np.asarray(Image.open(scene / f"rgb_{view.view:05}.jpeg").convert("RGB"))
+            assert np.abs(rgb.astype(int) - view.rgb).mean() < 8, f"{view.name}: another image"
+            same_depth(scene / f"depth_{view.view:05}.png", view)
+            labels = np.array(Image.open(scene / f"segmentation_{view.view:05}.png"))
+            assert labels.dtype == np.uint8 and labels.ndim == 2
+            same(set(np.unique(labels)) - {0, 1}, {n + 1 for n in view.shown()}, f"{view.name}: labels")
+            nothing = ~np.isfinite(view.depth)
+            same_mask(labels == 0, nothing, f"{view.name}: background")
+            rotation, shift = look_at(camera)
+            # The camera looks at this point, and its image is upright.
+            center = rotation @ np.array([0.0, 0.0, 0.7]) + shift
+            np.testing.assert_allclose(center[:2], 0, atol=1e-9)
+            assert (rotation @ np.array([0.0, 0.0, 1.0]))[1] < 0
+            for n in view.shown():
+                same_mask(labels == n + 1, view.visible[n], f"{view.name} {n}")
+                rows, columns = np.nonzero(view.visible[n])
+                z = view.depth[rows, columns].astype(float)
+                points = np.stack([(columns + 0.5 - 32) / 45.7 * z, (rows + 0.5 - 24) / 45.7 * z, z])
+                surfaces.setdefault(n, []).append(rotation.T @ (points - shift[:, None]))
+                checked += 1
+        for n, parts in surfaces.items():
+            points = np.concatenate(parts, axis=1)
+            center = [1, 2, 3] if n == 1 else (points.min(axis=1) + points.max(axis=1)) / 2
+            description = described["object_descriptions"][n - 1]
+            np.testing.assert_allclose(description["axis_aligned_bbox3D_center"], center, atol=1e-9)
+            assert description["mesh_filename"].startswith("lm/tetra_")
+        same(len(described["object_descriptions"]), max(surfaces, default=0), "objects")
+    return checked
+
+
 def labels_of(path, classes):
     """The rules of Ultralytics' loader: lines of classes and points, whose box is not larger than the image."""
     lines = [line.split() for line in path.read_text().strip().splitlines() if line]

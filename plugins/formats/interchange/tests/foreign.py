@@ -137,6 +137,42 @@ def osd_amodal():
         Image.fromarray(depth).save(root / "disparity" / f"{name}.png")
 
 
+def labeled(found, support):
+    """Labels with a palette, as Pillow writes them: 0 in a corner, then what objects stand on, then the objects."""
+    labels = np.full((HEIGHT, WIDTH), support, np.uint8)
+    labels[:5, :3] = 0
+    for label, (_, _, v, _) in enumerate(found, support + 1):
+        labels[v] = label
+    indexed = Image.fromarray(labels)
+    indexed.putpalette(rng.integers(0, 255, 768, dtype=np.uint8).tobytes())
+    return indexed
+
+
+def tod():
+    scene = root / "training_set/scene_00003"
+    for n, found in enumerate(objects()):
+        image(scene / f"rgb_{n:05}.jpeg")
+        labeled(found, 1).save(scene / f"segmentation_{n:05}.png")
+        Image.fromarray(rng.integers(0, 2000, (HEIGHT, WIDTH)).astype(np.uint16)).save(scene / f"depth_{n:05}.png")
+    write(scene / "scene_description.txt", {
+        "house_id": "x", "room_id": "fr_0", "table": {"mesh_filename": "x"},
+        "object_descriptions": [{"mesh_filename": "x", "axis_aligned_bbox3D_center": [0, 0, 1]} for _ in range(2)],
+        "views": {"background": {}, "background+table": {}, "background+table+objects": [{}]}})
+
+
+def ocid():
+    for n, found in enumerate(objects()):
+        place, support = ("table/bottom/box/seq02", 2) if n else ("floor/top/seq01", 1)
+        scene, name = root / "ARID20" / place, f"result_2018-08-20-09-30-3{n}.png"
+        image(scene / "rgb" / name)
+        for other in ("label", "depth", "pcd"):
+            (scene / other).mkdir(exist_ok=True)
+        labels = labeled(found, support)
+        # Some are gray, with 8 or 16 bits.
+        (labels if n == 0 else Image.fromarray(np.asarray(labels).astype(np.uint8 if n == 1 else np.uint16))).save(scene / "label" / name)
+        Image.fromarray(rng.integers(0, 2000, (HEIGHT, WIDTH)).astype(np.uint16)).save(scene / "depth" / name)
+
+
 def yolo():
     for split in ("train", "val"):
         for n, shapes in enumerate(IMAGES):

@@ -6,7 +6,9 @@ use std::path::Path;
 use syntable_interchange as _;
 use syntable_model::prelude::*;
 use syntable_model::product::Product;
-use syntable_model::product::standard::{AMODAL_MASK, AMODAL_OUTLINE, DEPTH, KEYPOINTS};
+use syntable_model::product::standard::{
+    AMODAL_MASK, AMODAL_OUTLINE, CUBOID, DEPTH, KEYPOINTS, TABLETOP_MASK, VISIBLE_IDS,
+};
 use syntable_testing::takes::{Take, dataset, finish, write_scenes, writer};
 use syntable_testing::tools::{own_script, python, shared_script};
 
@@ -45,8 +47,22 @@ fn takes() -> Vec<Take> {
         let bumps = |x: u32, y: u32| ((7 * x + 13 * y + x * y) % 32) as f32 / 32.0;
         let depth = Plane::from_fn(flat.width(), flat.height(), |x, y| flat.at(x, y) + bumps(x, y));
         replace(products, DEPTH, depth);
+        let objects = products.get(VISIBLE_IDS).expect("a product");
+        let table =
+            |x, y| *objects.at(x, y) == InstanceId(0) && products.get(DEPTH).expect("there").at(x, y).is_finite();
+        let table = Mask::from_fn(objects.width(), objects.height(), table);
+        products.put(TABLETOP_MASK, table).expect("first");
+        products.put(CUBOID, cuboid_of_the_first()).expect("first");
     }
     takes
+}
+
+/// A cuboid around the point (1, 2, 3) for object 1, and none for the others.
+fn cuboid_of_the_first() -> PerInstance<Value> {
+    let end = |corner: u32, axis: u32| f64::from((corner >> axis) & 1) - 0.5;
+    let corner = |corner: u32| Value::from([1.0 + end(corner, 0), 2.0 + end(corner, 1), 3.0 + end(corner, 2)]);
+    let corners = Value::List((0..8).map(corner).collect());
+    [(InstanceId(1), Value::record([("corners_world_m", corners)]))].into_iter().collect()
 }
 
 /// Replaces the value of a product.
@@ -213,6 +229,11 @@ fn uoais_net_reads_what_it_is_trained_from() {
 #[test]
 fn osd_amodal_is_found_by_its_names() {
     check("osd_amodal", "", "");
+}
+
+#[test]
+fn tod_has_what_its_loaders_read() {
+    check("tod", "", "");
 }
 
 #[test]

@@ -1,0 +1,3 @@
+//! OCID, which is only read.
+
+mod read;
