@@ -14,8 +14,8 @@ impl Registry {
     /// If the path does not exist, its format is unknown or ambiguous, it contains several datasets, or nothing can be
     /// read.
     pub fn open_dataset(&self, source: &Source, format: Option<&str>) -> Result<(Arc<dyn DatasetFormat>, OpenDataset)> {
-        let (format, source) = self.find_dataset(source, format)?;
-        let dataset = format.open(&source)?;
+        let Found { format, source, opened } = find(self.formats(), source, format)?;
+        let dataset = opened.map_or_else(|| format.open(&source), Ok)?;
         Ok((format, dataset))
     }
 
@@ -25,23 +25,34 @@ impl Registry {
     /// # Errors
     /// If the path does not exist, its format is unknown or ambiguous, or it contains several datasets.
     pub fn find_dataset(&self, source: &Source, format: Option<&str>) -> Result<(Arc<dyn DatasetFormat>, Source)> {
-        find(self.formats(), source, format)
+        let Found { format, source, .. } = find(self.formats(), source, format)?;
+        Ok((format, source))
     }
 }
 
-fn find(
-    formats: &[Arc<dyn DatasetFormat>],
-    source: &Source,
-    format: Option<&str>,
-) -> Result<(Arc<dyn DatasetFormat>, Source)> {
+/// A dataset whose format is known.
+struct Found {
+    format: Arc<dyn DatasetFormat>,
+    source: Source,
+    /// The open dataset, if it was opened to find it.
+    opened: Option<OpenDataset>,
+}
+
+impl Found {
+    fn of(format: &Arc<dyn DatasetFormat>, source: &Source) -> Self {
+        Self { format: Arc::clone(format), source: source.clone(), opened: None }
+    }
+}
+
+fn find(formats: &[Arc<dyn DatasetFormat>], source: &Source, format: Option<&str>) -> Result<Found> {
     let root = source.path.as_path();
     let names = || formats.iter().map(|format| format.name()).collect::<Vec<_>>().join(", ");
     if !root.is_dir() && !root.is_file() {
         return Err(Error::new("no such folder or file").in_file(root));
     }
     if let Some(name) = format {
-        let named = formats.iter().find(|it| it.name() == name).cloned();
-        return named.map(|format| (format, source.clone())).ok_or_else(|| {
+        let named = formats.iter().find(|it| it.name() == name);
+        return named.map(|format| Found::of(format, source)).ok_or_else(|| {
             Error::new(format!("unknown dataset format `{name}`")).help(format!("available formats: {}", names()))
         });
     }
@@ -50,7 +61,7 @@ fn find(
         let those = || formats.iter().filter(move |it| it.is_generic() == is_generic);
         let found: Vec<&Arc<dyn DatasetFormat>> = those().filter(|it| it.detects(root)).collect();
         match found.as_slice() {
-            [only] => return Ok((Arc::clone(only), source.clone())),
+            [only] => return Ok(Found::of(only, source)),
             [] => {}
             [first, second, ..] => {
                 return Err(Error::new(format!("it looks like {} and like {}", first.name(), second.name()))
@@ -98,21 +109,18 @@ fn is_of_run(root: &Path) -> bool {
 
 /// The dataset with the most products among the writers' folders of one run: they have the same images. A folder that cannot be
 /// opened comes first, so that its fault is not hidden by another layout.
-fn fullest(
-    formats: &[Arc<dyn DatasetFormat>],
-    folders: &[PathBuf],
-    source: &Source,
-) -> Result<(Arc<dyn DatasetFormat>, Source)> {
+fn fullest(formats: &[Arc<dyn DatasetFormat>], folders: &[PathBuf], source: &Source) -> Result<Found> {
     let root = source.folder(&source.path)?;
-    let mut best: Option<(usize, Arc<dyn DatasetFormat>, Source)> = None;
+    let mut best: Option<(usize, Found)> = None;
     for folder in folders {
         // It may be a link to a folder that the user did not name.
         root.file(folder.file_name().unwrap_or_default())?;
-        let (format, at) = find(formats, &Source { path: folder.clone(), reach: source.reach }, None)?;
-        let Ok(opened) = format.open(&at) else { return Ok((format, at)) };
-        if best.as_ref().is_none_or(|(products, ..)| opened.offers.len() > *products) {
-            best = Some((opened.offers.len(), format, at));
+        let found = find(formats, &Source { path: folder.clone(), reach: source.reach }, None)?;
+        let Ok(opened) = found.format.open(&found.source) else { return Ok(found) };
+        let products = opened.offers.len();
+        if best.as_ref().is_none_or(|(most, _)| products > *most) {
+            best = Some((products, Found { opened: Some(opened), ..found }));
         }
     }
-    best.map(|(_, format, at)| (format, at)).ok_or_else(|| Error::new("no dataset").in_file(&source.path))
+    best.map(|(_, found)| found).ok_or_else(|| Error::new("no dataset").in_file(&source.path))
 }
