@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::files::{DatasetFolder, Reach};
 use crate::left_out::LeftOut;
 use crate::panics::guarded;
+use crate::product::standard::RGB_FILE;
 use crate::product::{KeyId, Mask, Products};
 use crate::rule;
 use crate::scene::{InstanceId, SceneId, ViewId};
@@ -238,6 +239,11 @@ impl Opened {
             notes: Vec::new(),
             source: Box::new(source),
         }
+    }
+
+    /// Whether a product follows from others: leaving it unread loses no information.
+    pub fn is_derived(&self, key: &KeyId) -> bool {
+        *key == RGB_FILE.id() || self.derived.contains(key)
     }
 }
 

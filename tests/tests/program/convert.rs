@@ -556,6 +556,50 @@ fn images_that_cannot_be_read_are_left_out() {
     assert!(said.contains("no image can be read") && !path("none").exists(), "{said}");
 }
 
+/// Image files are copied if the format stores their encoding and every program shows the same pixels.
+#[test]
+fn files_of_images_are_copied() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [root, out] = ["source", "out"].map(|name| folder.path().join(name));
+    foreign_coco(&root, &[&[1], &[1], &[1], &[1]], &[(1, "mug")]);
+    let image = |name: &str| root.join("val2017").join(name);
+    let color = image::RgbImage::from_fn(60, 40, |x, y| image::Rgb([4 * x as u8, 6 * y as u8, 7]));
+    color.save(image("1.png")).expect("writable");
+    color.save(image("2.jpg")).expect("writable");
+    image::GrayImage::from_pixel(60, 40, image::Luma([9])).save(image("3.png")).expect("writable");
+    let [plain, jpeg, gray] = ["1.png", "2.jpg", "3.png"].map(|name| fs::read(image(name)).expect("there"));
+    fs::write(image("4.png"), &plain[..plain.len() - 20]).expect("writable");
+    spoil(&root, |json| json["images"][1]["file_name"] = json!("2.jpg"));
+    let mut command = syntable();
+    command.arg("convert").arg(&root).args(["--to", "coco,yolo,syntable", "--out"]).arg(&out);
+    let said = fails(&mut command, 3);
+    assert!(said.contains("4.png") && said.contains("1 image left out as unreadable"), "{said}");
+    let written = files(&out);
+    let of = |end: &str| {
+        let found: Vec<_> = written.iter().filter(|(path, _)| path.ends_with(end)).collect();
+        assert_eq!(found.len(), 1, "{end}: {:?}", written.keys());
+        found[0].1.clone()
+    };
+    for folder in ["coco/images", "yolo/images/train"] {
+        assert!(of(&format!("{folder}/000000_0000.png")) == plain, "{folder}");
+        assert!(of(&format!("{folder}/000001_0000.jpg")) == jpeg, "{folder}");
+        let encoded = of(&format!("{folder}/000002_0000.png"));
+        assert!(encoded != gray, "{folder}");
+        let encoded = image::load_from_memory(&encoded).expect("an image");
+        assert_eq!(
+            (encoded.color(), encoded.to_rgb8().get_pixel(5, 5).0),
+            (image::ColorType::Rgb8, [9; 3]),
+            "{folder}"
+        );
+    }
+    // SynTable's layout stores PNG only.
+    assert!(of("rgb/0_0.png") == plain);
+    assert_eq!(image::guess_format(&of("rgb/1_0.png")).expect("an image"), image::ImageFormat::Png);
+    let file = written.keys().find(|path| path.ends_with("coco/annotations/instances_train.json")).expect("a file");
+    assert_eq!(json_of(&out.join(file))["images"][1]["file_name"], "000001_0000.jpg");
+    assert_eq!(faults(&out.join("coco")), []);
+}
+
 /// The ids of the pixels of a panoptic image, and the records of its segments.
 fn panoptic(root: &Path) -> (Vec<u64>, Vec<Value>) {
     let json = json_of(&root.join("annotations/panoptic_train.json"));

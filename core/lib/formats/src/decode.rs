@@ -1,6 +1,7 @@
 //! Reads the image and array files of datasets.
 
 use crate::encode::npy;
+use crate::image_file::{self, ImageFormat};
 use crate::json;
 use png::{BitDepth, ColorType, Decoder, Transformations};
 use std::fs::{self, File};
@@ -10,7 +11,8 @@ use syntable_model::error::{Error, Result};
 use syntable_model::files::replacement;
 use syntable_model::limits::{IMAGE_BYTES, IMAGE_PIXELS, JSON_VALUES, Limit, MEMBER_BYTES, TEXT_BYTES};
 use syntable_model::panics::guarded;
-use syntable_model::product::{DType, Plane, Tensor, Value};
+use syntable_model::product::standard::{RGB, RGB_FILE};
+use syntable_model::product::{DType, KeyId, Plane, Products, Tensor, Value};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -184,6 +186,32 @@ impl FileContent {
             }
             DecodedSamples::Sixteen(..) => Err(self.unlike("an 8-bit image", "16-bit")),
         }
+    }
+
+    /// Puts the products `rgb` and `rgb_file`, if they are wanted. Returns width and height. The pixels are always decoded, because
+    /// a JPEG file has no checksum: otherwise a conversion would copy damaged files.
+    pub fn put_rgb(self, wants: &[KeyId], products: &mut Products) -> Result<[u32; 2]> {
+        let rgb = self.rgb()?;
+        let size = [rgb.width(), rgb.height()];
+        if wants.contains(&RGB.id()) {
+            products.put(RGB, rgb)?;
+        }
+        if let Some(format) = self.plain_format().filter(|_| wants.contains(&RGB_FILE.id())) {
+            products.put(RGB_FILE, image_file::record(format, self.bytes))?;
+        }
+        Ok(size)
+    }
+
+    /// The format of a readable color image, if all programs show the same 8-bit RGB pixels: its file has no palette, transparency,
+    /// orientation, or gray samples.
+    fn plain_format(&self) -> Option<ImageFormat> {
+        if self.bytes.starts_with(&JPEG) {
+            // `rgb` refuses an orientation.
+            return (jpeg_components(&self.bytes) == Some(3)).then_some(ImageFormat::Jpeg);
+        }
+        let has = |name: &[u8; 4]| png_chunks(&self.bytes).any(|chunk| chunk == name);
+        let is_rgb8 = self.bytes.get(24..26) == Some(&[8, 2]);
+        (is_rgb8 && !has(b"tRNS") && !has(b"eXIf")).then_some(ImageFormat::Png)
     }
 
     /// A gray image of 8 or 16 bits from a PNG file.
@@ -419,6 +447,33 @@ fn unpacked(packed: &[u8], bits: usize, [width, height]: [u32; 2]) -> Vec<u8> {
     rows.flat_map(|row| (0..width as usize).map(move |x| sample(row, x))).collect()
 }
 
+/// Names of the chunks of a PNG file (PNG specification, section 5.3).
+fn png_chunks(file: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let mut rest = file.get(PNG.len()..).unwrap_or_default();
+    std::iter::from_fn(move || {
+        let (head, after) = rest.split_first_chunk::<8>()?;
+        let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
+        let name = &rest[4..8];
+        rest = after.get(length.checked_add(4)?..).unwrap_or_default();
+        Some(name)
+    })
+}
+
+/// Number of components in the frame header of a JPEG file (ITU T.81, section B.2.2).
+fn jpeg_components(file: &[u8]) -> Option<u8> {
+    let mut at = 2;
+    loop {
+        let segment = file.get(at..)?;
+        match segment {
+            // Bytes that fill up to a marker.
+            [0xff, 0xff, ..] => at += 1,
+            [0xff, 0xc0..=0xc2, ..] => return segment.get(9).copied(),
+            [0xff, _, high, low, ..] => at += 2 + usize::from(u16::from_be_bytes([*high, *low])),
+            _ => return None,
+        }
+    }
+}
+
 /// The tag `Orientation` (0x0112) of the first directory of an EXIF block that starts with its TIFF header (Exif 2.32,
 /// section 4.6).
 fn orientation(exif: &[u8]) -> Option<u16> {
@@ -522,6 +577,44 @@ mod tests {
             assert_eq!(content.labels().expect("labels"), Plane::from_fn(width, height, label), "{bits} bits");
             assert!(content.gray().expect_err("a color image").to_string().contains("it is colored"));
         }
+    }
+
+    #[test]
+    fn plain_files_have_the_pixels_of_the_image() {
+        let encoded = |color, bytes: &[u8], more: Option<(&[u8; 4], &[u8])>| {
+            let mut file = Vec::new();
+            let mut encoder = png::Encoder::new(&mut file, 2, 1);
+            encoder.set_color(color);
+            if color == ColorType::Indexed {
+                encoder.set_palette(vec![7; 9]);
+            }
+            let mut writer = encoder.write_header().expect("a header");
+            if let Some((name, data)) = more {
+                writer.write_chunk(png::chunk::ChunkType(*name), data).expect("a chunk");
+            }
+            writer.write_image_data(bytes).expect("pixels");
+            drop(writer);
+            FileContent::new(file, "a.png".into())
+        };
+        let of = |content: FileContent| {
+            let mut products = Products::new();
+            content.put_rgb(&[RGB.id(), RGB_FILE.id()], &mut products).expect("readable");
+            image_file::stored(&products).expect("a file").map(|(format, bytes)| (format, bytes.len()))
+        };
+        let rgb = encoded(ColorType::Rgb, &[1, 2, 3, 4, 5, 6], None);
+        let length = rgb.bytes().len();
+        assert_eq!(of(rgb), Some((ImageFormat::Png, length)));
+        for (color, bytes, more) in [
+            (ColorType::Grayscale, &[1, 2][..], None),
+            (ColorType::Indexed, &[0, 1], None),
+            (ColorType::Rgba, &[1, 2, 3, 4, 5, 6, 7, 8], None),
+            (ColorType::Rgb, &[1, 2, 3, 4, 5, 6], Some((b"tRNS", &[0, 1, 0, 2, 0, 3][..]))),
+            (ColorType::Rgb, &[1, 2, 3, 4, 5, 6], Some((b"eXIf", b"II*\0\x08\0\0\0\0\0"))),
+        ] {
+            assert_eq!(of(encoded(color, bytes, more)), None, "{color:?}");
+        }
+        let frame = |end: &[u8]| [&b"\xff\xd8\xff\xe0\0\x04ab\xff\xff\xc2\0\x0b\x08\0\x01\0\x01"[..], end].concat();
+        assert_eq!([jpeg_components(&frame(&[3])), jpeg_components(&frame(&[]))], [Some(3), None]);
     }
 
     #[test]

@@ -13,6 +13,7 @@
 //! | [`depth`] | the option for the depth that a writer stores |
 //! | [`encode`] | image and array files, by kind of value |
 //! | [`decode`] | image and array files, read back |
+//! | [`image_file`] | files of color images, which conversions copy |
 //! | [`members`] | members of tar files, read in any order |
 //! | [`draw`] | images for people: masks and outlines over images, panels side by side |
 //! | [`read`] | shared code of all readers |
@@ -39,6 +40,7 @@ pub mod decode;
 pub mod depth;
 pub mod draw;
 pub mod encode;
+pub mod image_file;
 pub mod include;
 pub mod index;
 pub mod json;

@@ -10,7 +10,7 @@ use syntable_model::limits::ORDERED;
 pub use syntable_model::product::masks_of;
 use syntable_model::product::standard::{
     AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, DEPTH, LABEL_POLICY, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB,
-    VISIBLE_BOX, VISIBLE_MASK,
+    RGB_FILE, VISIBLE_BOX, VISIBLE_MASK,
 };
 use syntable_model::product::{
     BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, PixelCounts, Product, Products, Value, meeting_boxes,
@@ -245,7 +245,11 @@ where
 
 /// The products that are labels, not images.
 pub fn labels_among(products: &[KeyId]) -> Vec<KeyId> {
-    products.iter().copied().filter(|key| ![RGB.id(), DEPTH.id(), LABEL_POLICY.id()].contains(key)).collect()
+    products
+        .iter()
+        .copied()
+        .filter(|key| ![RGB.id(), RGB_FILE.id(), DEPTH.id(), LABEL_POLICY.id()].contains(key))
+        .collect()
 }
 
 /// The categories of an annotation file, and their ids in a dataset that is written from it.

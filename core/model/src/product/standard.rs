@@ -289,6 +289,9 @@ products! {
     /// image.
     pub const CUBOID: Key<PerInstance<Value>> = view("cuboid").form(|| Form::PerInstance(Box::new(Form::Record)));
 
+    /// The file that stores `rgb`, if writers can copy it: its `format`, `png` or `jpeg`, and its `bytes`. Only conversions have it.
+    pub const RGB_FILE: Key<Value> = view("rgb_file").form(|| Form::Record);
+
     /// Intrinsics and pose of the view's camera.
     pub const CAMERA: Key<Value> = view("camera").form(|| Form::Record);
 

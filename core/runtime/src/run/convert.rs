@@ -122,11 +122,10 @@ pub fn convert_dataset(
     let Missing { annotations, parts, without_pixels } = missing.into_inner();
     let not_objects = not_objects(dataset, writers, &plan);
     let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.to_string()).collect();
-    let derived = &dataset.derived;
     let is_read = |key: &KeyId| read.contains(&key.to_string());
     let alike = &dataset.alike;
     let said_otherwise = |key: &KeyId| alike.iter().any(|pair| pair.contains(key) && pair.iter().any(is_read));
-    let stored = dataset.offers.iter().filter(|key| !derived.contains(key));
+    let stored = dataset.offers.iter().filter(|key| !dataset.is_derived(key));
     let lost = stored.filter(|key| !is_read(key) && !said_otherwise(key)).map(|key| key.to_string());
     let losses: Vec<Loss> = losses.all().into_iter().chain(at_end.losses()).collect();
     let are_left_out = losses.iter().any(|loss| LeftOut::is_without_pixels(&loss.what));

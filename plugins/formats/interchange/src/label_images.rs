@@ -5,7 +5,7 @@ use syntable_formats::decode::FileContent;
 use syntable_formats::read::{self, KnownMasks, ObjectLabels};
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{DEPTH, RGB};
+use syntable_model::product::standard::{DEPTH, RGB, RGB_FILE};
 use syntable_model::reader::{DatasetFault, ImageSource, ReadImage};
 use syntable_model::rule;
 
@@ -38,7 +38,7 @@ pub trait LabelRules: Send + Sync {
 /// The products of each view.
 pub fn offers() -> Vec<KeyId> {
     let mut offers = KnownMasks::Visible.offers();
-    offers.extend(keys![RGB, DEPTH]);
+    offers.extend(keys![RGB, RGB_FILE, DEPTH]);
     offers
 }
 
@@ -65,7 +65,7 @@ impl<R: LabelRules> ImageSource for LabelImages<R> {
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let of = &self.images[image];
         let (mut products, mut size) = (Products::new(), None);
-        let is_label = |want: &KeyId| ![RGB.id(), DEPTH.id()].contains(want);
+        let is_label = |want: &KeyId| ![RGB.id(), RGB_FILE.id(), DEPTH.id()].contains(want);
         if wants.is_empty() || wants.iter().any(is_label) {
             let labels = self.content(&of.labels, None)?.labels()?;
             size = Some([labels.width(), labels.height()]);
@@ -73,10 +73,8 @@ impl<R: LabelRules> ImageSource for LabelImages<R> {
             let object = |(id, mask)| ObjectLabels::of_masks(InstanceId(id), mask, None, DatasetInfo::OBJECT.0);
             read::put(&shown.into_iter().map(object).collect::<Vec<_>>(), None, wants, &mut products)?;
         }
-        if wants.contains(&RGB.id()) {
-            let rgb = self.content(&of.rgb, size)?.rgb()?;
-            size = Some([rgb.width(), rgb.height()]);
-            products.put(RGB, rgb)?;
+        if [RGB.id(), RGB_FILE.id()].iter().any(|key| wants.contains(key)) {
+            size = Some(self.content(&of.rgb, size)?.put_rgb(wants, &mut products)?);
         }
         if wants.contains(&DEPTH.id()) {
             let depth = self.content(&of.depth, size)?.depth(STEP_MM)?;

@@ -156,7 +156,7 @@ fn recognize(path: &Path) -> Option<Error> {
     let has_images_alone = |file: &PathBuf| is_json(file) && AnnotationStart::of(file) == AnnotationStart::Images;
     let file = files.iter().find(|file| has_images_alone(file))?;
     let name = file.file_name().unwrap_or_default().to_string_lossy();
-    let what = format!("{name} lists images and has no `annotations`, so there are no labels to read");
+    let what = format!("{name} lists images and has no `annotations`, and so has no labels to read");
     Some(Error::new(what).help(
         "name a file with annotations, such as `instances_val2017.json`; the labels of COCO's test images are not published",
     ))

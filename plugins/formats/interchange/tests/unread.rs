@@ -18,7 +18,7 @@ const FILES: &[OfProgram] = &[
         "annotations/image_info_test2017.json",
         r#"{"info": {"year": 2017}, "images": [{"license": 2, "file_name": "000000000001.jpg", "coco_url": "",
             "height": 480, "width": 640, "id": 1}], "licenses": [], "categories": [{"id": 1, "name": "person"}]}"#,
-        "image_info_test2017.json lists images and has no `annotations`, so there are no labels to read",
+        "image_info_test2017.json lists images and has no `annotations`, and so has no labels to read",
         "name a file with annotations",
     ),
     (

@@ -30,6 +30,27 @@ pub enum RgbFormat {
     Jpeg,
 }
 
+impl RgbFormat {
+    /// All formats.
+    pub const ALL: [Self; 2] = [Self::Png, Self::Jpeg];
+
+    /// Its name in options and in the product `rgb_file`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Png => "png",
+            Self::Jpeg => "jpeg",
+        }
+    }
+
+    /// Extension of the files.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Png => "png",
+            Self::Jpeg => "jpg",
+        }
+    }
+}
+
 /// Quality of JPEG files unless the recipe states it.
 const DEFAULT_QUALITY: u8 = 95;
 
@@ -59,10 +80,7 @@ impl RgbFiles {
 
     /// Extension of the files.
     pub fn extension(self) -> &'static str {
-        match self.format {
-            RgbFormat::Png => "png",
-            RgbFormat::Jpeg => "jpg",
-        }
+        self.format.extension()
     }
 
     /// Name of the file with a stem.

@@ -6,14 +6,14 @@ use serde_json::Value as Json;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_formats::coco::{Category, CocoImage};
-use syntable_formats::decode;
+use syntable_formats::decode::{self, FileContent};
 use syntable_formats::index::IndexedRecord;
 use syntable_formats::listing::{AnnotationListing, AnnotationRecord};
 use syntable_formats::read::{Categories, labels_among};
 use syntable_formats::unkept::{self, Unkept};
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB};
+use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB, RGB_FILE};
 use syntable_model::reader::{Crowd, DatasetFault, FaultSubject, ImageSource, Note, Opened, ReadImage};
 
 /// Key of an image's depth image, in whole millimeters, next to its `file_name`. UOAIS-Sim uses it.
@@ -120,7 +120,12 @@ impl AnnotationFile {
     pub fn offers(&mut self, labels: Vec<KeyId>, others: &[KeyId]) -> Vec<KeyId> {
         self.has_depth &= others.contains(&DEPTH.id());
         self.has_policy &= others.contains(&LABEL_POLICY.id());
-        let others = [(true, RGB.id()), (self.has_depth, DEPTH.id()), (self.has_policy, LABEL_POLICY.id())];
+        let others = [
+            (true, RGB.id()),
+            (true, RGB_FILE.id()),
+            (self.has_depth, DEPTH.id()),
+            (self.has_policy, LABEL_POLICY.id()),
+        ];
         labels.into_iter().chain(others.into_iter().filter(|it| it.0).map(|it| it.1)).collect()
     }
 
@@ -170,9 +175,9 @@ impl AnnotationFile {
     /// Adds color, depth and the policy of labels, where requested.
     fn put_images(&self, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()> {
         let size = self.size(image);
-        if wants.contains(&RGB.id()) {
+        if [RGB.id(), RGB_FILE.id()].iter().any(|key| wants.contains(key)) {
             let path = self.images_root.file(&self.listing.images[image].frame.file_name)?;
-            products.put(RGB, decode::rgb_of_size(&path, size)?)?;
+            FileContent::read(&path)?.stated(size).put_rgb(wants, products)?;
         }
         let wanted = |has: bool, key: KeyId| has && wants.contains(&key);
         let (depth, policy) = (wanted(self.has_depth, DEPTH.id()), wanted(self.has_policy, LABEL_POLICY.id()));

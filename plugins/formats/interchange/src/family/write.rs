@@ -7,8 +7,9 @@ use syntable_formats::Extra;
 use syntable_formats::coco::{Category, CocoImage, CocoInfo, License, categories};
 use syntable_formats::dataset::{DatasetWriter, JsonLayout};
 use syntable_formats::encode::png::PngImage;
-use syntable_formats::encode::rgb::RgbFiles;
+use syntable_formats::encode::rgb::{RgbFiles, RgbFormat};
 use syntable_formats::encode::view_name;
+use syntable_formats::image_file::{self, RgbFile};
 use syntable_formats::shard;
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
@@ -74,7 +75,7 @@ impl<F: Family> ImageWriter for FamilyWriter<F> {
     type Scene = Vec<u8>;
 
     fn reads(&self) -> Vec<Input> {
-        self.0.reads()
+        self.0.reads().into_iter().chain([image_file::input()]).collect()
     }
 
     fn view(&self, shard: &mut Vec<u8>, cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
@@ -143,11 +144,11 @@ impl SceneFiles<'_> {
     }
 
     /// Writes the image of a view to `folder` inside the writer's folder. Its record contains `name`, the path relative
-    /// to that folder.
+    /// to that folder, with the extension of the image's format.
     pub fn image_in(
         &mut self,
         folder: &str,
-        name: String,
+        name: &str,
         products: &Products,
         annotations: usize,
         mut extra: Extra,
@@ -161,7 +162,9 @@ impl SceneFiles<'_> {
             }
         }
         let rgb = products.get(RGB)?;
-        self.rgb.write(rgb, self.output, &format!("{}/{folder}/{name}", self.output.id()))?;
+        let file = RgbFile::of(products, &RgbFormat::ALL, self.rgb)?;
+        let name = file.named(&name);
+        self.output.write(&format!("{}/{folder}/{name}", self.output.id()), &file.bytes)?;
         let (width, height) = (rgb.width(), rgb.height());
         let license = Some(License::of_assets().id.into());
         let record = CocoImage { file_name: name, width, height, license, extra, ..CocoImage::default() };

@@ -65,8 +65,7 @@ fn search(folder: &Path, deep: usize, most: usize, found: &mut Vec<PathBuf>) {
     inner.take_while(|_| deep > 0).for_each(|path| search(&path, deep - 1, most, found));
 }
 
-/// The largest label of the background and of what objects stand on. None if no folder above says whether that is the floor or
-/// a table.
+/// The largest label of the background and of what objects stand on. None if no folder above is called `floor` or `table`.
 fn background(sequence: &Path) -> Option<u16> {
     let mut above = sequence.ancestors().filter(|path| is_named(path, &[FLOOR, TABLE]));
     above.next().map(|path| if is_named(path, &[TABLE]) { 2 } else { 1 })

@@ -4,11 +4,11 @@ use super::record::{COLOR, DEPTH as DEPTH_FOLDER, IMAGES, LABELS, MASKS, image_p
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use syntable_formats::decode;
+use syntable_formats::decode::{self, FileContent};
 use syntable_formats::read::{self, Categories, Faults, ObjectLabels};
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{DEPTH, RGB};
+use syntable_model::product::standard::{DEPTH, RGB, RGB_FILE};
 use syntable_model::reader::{DatasetFault, Format, ImageSource, Opened, ReadImage, Source};
 use syntable_model::rule;
 
@@ -84,7 +84,7 @@ fn open(source: &Source) -> Result<Opened> {
     let name = read::name_of(&source.path);
     let info = Categories::default().info(name, String::new(), &refs, String::new());
     let mut offers = read::KnownMasks::Both.offers();
-    offers.extend(keys![RGB, DEPTH]);
+    offers.extend(keys![RGB, RGB_FILE, DEPTH]);
     Ok(Opened { faults: faults.into_inner(), ..Opened::new(info, refs, offers, OsdSource { root, images }) })
 }
 
@@ -96,17 +96,13 @@ impl ImageSource for OsdSource {
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let of = &self.images[image];
         let (mut products, mut left_out) = (Products::new(), Vec::new());
-        let rgb = decode::rgb(&self.path(COLOR, &of.name)?)?;
-        let size = [rgb.width(), rgb.height()];
-        if wants.iter().any(|want| ![RGB.id(), DEPTH.id()].contains(want)) {
+        let size = FileContent::read(&self.path(COLOR, &of.name)?)?.put_rgb(wants, &mut products)?;
+        if wants.iter().any(|want| ![RGB.id(), RGB_FILE.id(), DEPTH.id()].contains(want)) {
             let shown = self.gray(LABELS, &of.name, size)?;
             read::put(&self.labels(of, &shown)?, None, wants, &mut products)?;
             let without = of.without_amodal(&shown).len();
             let all = of.masks[0].len() + without;
             left_out.push(LeftOut::new(without, all, "labels have no amodal mask, and are no objects"));
-        }
-        if wants.contains(&RGB.id()) {
-            products.put(RGB, rgb)?;
         }
         if wants.contains(&DEPTH.id()) {
             products.put(DEPTH, decode::depth_of_size(&self.path(DEPTH_FOLDER, &of.name)?, STEP_MM, size)?)?;

@@ -1,13 +1,15 @@
 //! Writes OSD-Amodal's folders.
 
 use super::OsdAmodal;
-use super::record::{IMAGES, MASKS, image_path, mask_name, view_name};
+use super::record::{COLOR, DEPTH, IMAGES, LABELS, MASKS, image_path, mask_name, view_name};
 use crate::coco::MaskChoice;
 use crate::depth;
 use crate::labels::{self, ShownLabel};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_formats::encode::png::PngImage;
+use syntable_formats::encode::rgb::{RgbFiles, RgbFormat};
+use syntable_formats::image_file::{self, RgbFile};
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::Painted;
@@ -17,7 +19,7 @@ impl ImageWriter for OsdAmodal {
     type Scene = ();
 
     fn reads(&self) -> Vec<Input> {
-        [Input::of(RGB), self.depth.input()].into_iter().chain(labels::inputs()).collect()
+        [Input::of(RGB), image_file::input(), self.depth.input()].into_iter().chain(labels::inputs()).collect()
     }
 
     fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
@@ -34,8 +36,10 @@ impl ImageWriter for OsdAmodal {
         let write = |folder: &str, image: PngImage, end: &str| {
             image.write(output, &format!("{}/{}", output.id(), image_path(folder, &format!("{name}{end}"))))
         };
-        let images = [PngImage::rgb(rgb), depth::image(self.depth, products, cx.log)?, label_image(&painted, &labels)?];
-        IMAGES.into_iter().zip(images).try_for_each(|(folder, image)| write(folder, image, ""))?;
+        let file = RgbFile::of(products, &[RgbFormat::Png], RgbFiles::default())?;
+        output.write(&format!("{}/{}", output.id(), image_path(COLOR, &name)), &file.bytes)?;
+        write(DEPTH, depth::image(self.depth, products, cx.log)?, "")?;
+        write(LABELS, label_image(&painted, &labels)?, "")?;
         (1..).zip(&labels).try_for_each(|(number, label)| {
             // Pixels that an object lost to others are hidden.
             let occlusion = match painted.mask(label.id, label.visible) {

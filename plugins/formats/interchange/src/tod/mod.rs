@@ -13,7 +13,7 @@ use syntable_model::prelude::*;
 ///
 /// # Behavior
 ///
-/// The unchanged loaders of UOIS-Net, UOIS-Net-3D and UCN read the folder `{id}` in place of TOD. They expect seven views of each
+/// The unchanged loaders of UOIS-Net, UOIS-Net-3D and UCN read the folder `{id}` instead of TOD. They expect seven views of each
 /// scene, so let a recipe have `dataset.views_per_scene = 7`; with another number, the end of the run warns. In TOD, view 0 shows
 /// the room and view 1 the empty table. Here, all views show objects, which the loaders accept.
 ///

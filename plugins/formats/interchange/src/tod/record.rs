@@ -6,7 +6,7 @@ use syntable_model::prelude::*;
 
 /// The description of a scene.
 pub const DESCRIPTION: &str = "scene_description.txt";
-/// Views of each scene, of which the loaders count.
+/// Number of views of each scene that the loaders expect.
 pub const VIEWS: u32 = 7;
 /// Number of its first views, which show no objects in TOD.
 pub const WITHOUT_OBJECTS: u32 = 2;

@@ -8,8 +8,9 @@ use super::record::{
 use crate::depth;
 use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
-use syntable_formats::encode::jpeg;
 use syntable_formats::encode::png::PngImage;
+use syntable_formats::encode::rgb::{RgbFiles, RgbFormat};
+use syntable_formats::image_file::{self, RgbFile};
 use syntable_formats::json::{typed, unwritable};
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
@@ -17,7 +18,7 @@ use syntable_model::product::Painted;
 use syntable_model::product::standard::{CAMERA, CUBOID, OBJECT_NAME, RGB, TABLETOP_MASK, VISIBLE_MASK};
 use syntable_model::scene::SceneId;
 
-/// What the views of a scene tell about it.
+/// Cameras and objects from the views of a scene.
 #[derive(Debug, Default)]
 pub struct TodScene {
     cameras: BTreeMap<u32, TodCamera>,
@@ -135,7 +136,7 @@ impl ImageWriter for Tod {
 
     fn reads(&self) -> Vec<Input> {
         let more = [Input::of(CAMERA), Input::of(CUBOID), Input::of(OBJECT_NAME), Input::of(TABLETOP_MASK)];
-        let needed = [Input::of(RGB), Input::of(VISIBLE_MASK), self.depth.input()];
+        let needed = [Input::of(RGB), image_file::input(), Input::of(VISIBLE_MASK), self.depth.input()];
         needed.into_iter().chain(more.map(Input::optional)).collect()
     }
 
@@ -146,7 +147,8 @@ impl ImageWriter for Tod {
         let empty = visible.iter().filter(|(_, mask)| mask.is_empty()).count();
         cx.log.left_out(&LeftOut::without_pixels(empty, visible.iter().count()));
         let [color, depth, labels] = self.images(output.id(), cx.scene_id, cx.view_id.0);
-        output.write(&color, &jpeg::encode(rgb, self.quality)?)?;
+        let jpeg = RgbFiles { format: RgbFormat::Jpeg, quality: Some(self.quality) };
+        output.write(&color, &RgbFile::of(products, &[RgbFormat::Jpeg], jpeg)?.bytes)?;
         depth::image(self.depth, products, cx.log)?.write(output, &depth)?;
         label_image(&painted.ids, products.optional(TABLETOP_MASK)?)?.write(output, &labels)?;
         let (names, cuboids) = (products.optional(OBJECT_NAME)?, products.optional(CUBOID)?);

@@ -12,13 +12,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::Category;
-use syntable_formats::decode;
+use syntable_formats::decode::{self, FileContent};
 use syntable_formats::read::{self, Categories, Faults, KnownMasks, ObjectLabels};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
-use syntable_model::product::standard::{AMODAL_BOX, BOX, CATEGORY_ID, OCCLUSION_MASK, RGB, VISIBLE_BOX};
+use syntable_model::product::standard::{AMODAL_BOX, BOX, CATEGORY_ID, OCCLUSION_MASK, RGB, RGB_FILE, VISIBLE_BOX};
 use syntable_model::reader::{DatasetFault, Format, ImageSource, Note, Opened, ReadImage, Source, unnamed_class};
 use syntable_model::rule;
 
@@ -184,7 +184,7 @@ fn open(source: &Source) -> Result<Opened> {
     };
     offers.extend((shape != LabelShape::Polygons || boxes > 0).then(|| BOX.id()));
     let labels = offers.clone();
-    offers.push(RGB.id());
+    offers.extend(keys![RGB, RGB_FILE]);
     let caveat = |text: String| Note::caveat(text).of(labels.clone());
     let mut notes = Vec::new();
     match shape {
@@ -243,9 +243,8 @@ impl ImageSource for YoloSource {
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let mut products = Products::new();
-        let rgb = decode::rgb(&self.images[image].image)?;
-        let size = [rgb.width(), rgb.height()];
-        if wants.iter().any(|want| *want != RGB.id()) {
+        let size = FileContent::read(&self.images[image].image)?.put_rgb(wants, &mut products)?;
+        if wants.iter().any(|want| ![RGB.id(), RGB_FILE.id()].contains(want)) {
             let lines = self.lines(image)?;
             self.put_boxes(&lines, size, wants, &mut products)?;
             match self.shape {
@@ -264,9 +263,6 @@ impl ImageSource for YoloSource {
                     products.put(CATEGORY_ID, lines.iter().enumerate().map(of).collect::<Result<_>>()?)?;
                 }
             }
-        }
-        if wants.contains(&RGB.id()) {
-            products.put(RGB, rgb)?;
         }
         Ok(ReadImage::new(size, products))
     }

@@ -8,6 +8,8 @@ use crate::labels::{self, Partial};
 use crate::outlines::{self, PolygonRing, outline_key, rotated_box_key};
 use std::collections::BTreeSet;
 use syntable_formats::encode::view_name;
+use syntable_formats::encode::rgb::RgbFormat;
+use syntable_formats::image_file::{self, RgbFile};
 use syntable_formats::include::write_file;
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
@@ -61,12 +63,14 @@ impl ImageWriter for Yolo {
             (_, MaskChoice::Visible) => labels::visible_inputs(),
             (_, MaskChoice::Amodal) => labels::amodal_inputs(),
         };
-        [Input::of(RGB)].into_iter().chain(points.map(Input::of)).chain(labels).collect()
+        [Input::of(RGB), image_file::input()].into_iter().chain(points.map(Input::of)).chain(labels).collect()
     }
 
     fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
         let (rgb, scene, view) = (products.get(RGB)?, cx.scene_id, cx.view_id);
-        self.rgb.write(rgb, output, &format!("{}/{}", output.id(), self.image_path(scene, view)))?;
+        let file = RgbFile::of(products, &RgbFormat::ALL, self.rgb)?;
+        let path = file.named(&self.image_path(scene, view));
+        output.write(&format!("{}/{path}", output.id()), &file.bytes)?;
         let size = [rgb.width(), rgb.height()].map(f64::from);
         let mut text = String::new();
         let (labels, stored) = match self.task() {

@@ -13,7 +13,7 @@ use syntable_model::files::{DatasetFolder, read_small};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     BODIES, CAMERA, DENOISER, DEPTH, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER,
-    RGB, VISIBILITY,
+    RGB, RGB_FILE, VISIBILITY,
 };
 use syntable_model::product::{BBox, OcclusionOrder};
 use syntable_model::reader::{DatasetFault, FaultSubject, Format, ImageSource, Note, Opened, ReadImage, Source};
@@ -153,10 +153,10 @@ fn open(source: &Source) -> Result<Opened> {
 /// The products that all images have.
 fn offers(listing: &AnnotationListing, has: Has, has_bodies: bool) -> Vec<KeyId> {
     if listing.images.is_empty() {
-        return keys![RGB];
+        return keys![RGB, RGB_FILE];
     }
     let mut keys = read::KnownMasks::with_amodal(has.amodal).offers();
-    keys.push(RGB.id());
+    keys.extend(keys![RGB, RGB_FILE]);
     let more = [
         (VISIBILITY.id(), has.amodal),
         (OBJECT_NAME.id(), has.names.unwrap_or(true)),
@@ -200,8 +200,9 @@ impl ImageSource for SynTableSource {
         let wanted = |key: KeyId| wants.contains(&key);
         let order = wanted(OCCLUSION_ORDER.id()).then(|| self.order(&record.image, &labels)).transpose()?.flatten();
         read::put(&labels, order, wants, &mut products)?;
-        if wanted(RGB.id()) {
-            products.put(RGB, decode::rgb_of_size(&self.root.file(&record.image.file_name)?, size)?)?;
+        if wanted(RGB.id()) || wanted(RGB_FILE.id()) {
+            let content = FileContent::read(&self.root.file(&record.image.file_name)?)?;
+            content.stated(size).put_rgb(wants, &mut products)?;
         }
         if let Some(path) = record.image.depth_file_name.as_ref().filter(|_| wanted(DEPTH.id())) {
             let unit_mm = f64::from(record.image.depth_unit_mm.unwrap_or(1));

@@ -4,6 +4,7 @@ use super::record::{self, ViewLabels};
 use super::{Compat, RECIPE, SynTable, debug, merge};
 use syntable_formats::encode::npy::Array;
 use syntable_formats::encode::png::{PngImage, Rounding, depth_image};
+use syntable_formats::image_file::{self, RgbFile};
 use syntable_formats::include::write_file;
 use syntable_formats::shard;
 use syntable_formats::syntable::{depth_path, occlusion_order_path, rgb_path};
@@ -20,7 +21,7 @@ impl ImageWriter for SynTable {
     type Scene = Vec<u8>;
 
     fn reads(&self) -> Vec<Input> {
-        let mut inputs = vec![Input::of(RGB), Input::of(VISIBLE_MASK), Input::of(VISIBLE_BOX)];
+        let mut inputs = vec![Input::of(RGB), image_file::input(), Input::of(VISIBLE_MASK), Input::of(VISIBLE_BOX)];
         let of_all = [
             Input::of(AMODAL_MASK),
             Input::of(OCCLUSION_MASK),
@@ -52,7 +53,8 @@ impl ImageWriter for SynTable {
 
     fn view(&self, lines: &mut Vec<u8>, cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
         let (scene, view) = (cx.scene_id.0, cx.view_id.0);
-        self.rgb.write(products.get(RGB)?, output, &self.path(&self.rgb_path(scene, view)))?;
+        let file = RgbFile::of(products, &[self.rgb.format], self.rgb)?;
+        output.write(&self.path(&self.rgb_path(scene, view)), &file.bytes)?;
         let rounding = match self.compat {
             Compat::Coco => Rounding::Truncate,
             Compat::Syntable1 => Rounding::TruncateSingle,
