@@ -23,7 +23,7 @@ use syntable_model::check::LabelCheck;
 use syntable_model::context::{DatasetContext, ImageContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::left_out::LeftOut;
-use syntable_model::product::standard::{AMODAL_MASK, BOX, COVERAGE, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK};
+use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK};
 use syntable_model::product::{BBox, KeyId, Mask, Products, Scope};
 use syntable_model::reader::{DatasetFault, OpenDataset, ReadImage};
 use syntable_model::registry::Registry;
@@ -151,9 +151,14 @@ pub fn convert_dataset(
 /// the writers that read it.
 fn not_objects(dataset: &OpenDataset, writers: &[(String, Box<dyn Writer>)], plan: &Plan) -> Vec<LeftOut> {
     let mut all: Vec<LeftOut> = Vec::new();
+    let is_of_some = |key: &KeyId, input: &Input| input.need == InputNeed::IfStored && key.is(&input.product);
     for (_, writer) in writers {
-        let has_box = writer.reads().iter().any(|input| input.product == BOX.name());
-        let reads: Vec<KeyId> = plan.rendered.iter().copied().filter(|key| has_box || *key != BOX.id()).collect();
+        let own = writer.reads();
+        let is_of_others = |key: &KeyId| {
+            let mut others = writers.iter().flat_map(|(_, writer)| writer.reads());
+            !own.iter().any(|input| key.is(&input.product)) && others.any(|input| is_of_some(key, &input))
+        };
+        let reads: Vec<KeyId> = plan.rendered.iter().copied().filter(|key| !is_of_others(key)).collect();
         let found = dataset.not_objects(&reads);
         all.extend(found.into_iter().filter(|it| !all.iter().any(|other| other.what == it.what)).collect::<Vec<_>>());
     }
@@ -253,8 +258,16 @@ fn resolve(
             let option = error.option.as_ref()?.split('[').next().filter(|option| *option == "include")?;
             Some((error.stage.strip_prefix("write.")?, option))
         });
-        if let (Some((kind, option)), Some(first)) = (named, has.first()) {
-            let product = first.trim_matches('`');
+        // The writer may refuse the type of a product.
+        let accepted = |kind: &str, option: &str| {
+            let (_, writer) = writers.iter().find(|(id, _)| id == kind)?;
+            let inputs = writer.reads();
+            let mut inputs =
+                inputs.iter().filter(|input| input.option.as_deref().is_some_and(|it| it.starts_with(option)));
+            let accepts = &inputs.next()?.accepts;
+            offers.iter().find(|key| accepts.check(key).is_ok()).map(KeyId::to_string)
+        };
+        if let Some(((kind, option), product)) = named.and_then(|named| Some((named, accepted(named.0, named.1)?))) {
             help += &format!("; choose among them, for instance with `options.set` '{kind}.{option}=[\"{product}\"]'");
         }
         Error::new(messages.join("; ")).help(help)
