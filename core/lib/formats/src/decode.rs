@@ -1,7 +1,8 @@
 //! Reads the image and array files of datasets.
 
 use crate::encode::npy;
-use crate::image_file::{self, ImageFormat};
+use crate::encode::rgb::RgbFormat;
+use crate::image_file;
 use crate::json;
 use png::{BitDepth, ColorType, Decoder, Transformations};
 use std::fs::{self, File};
@@ -204,14 +205,14 @@ impl FileContent {
 
     /// The format of a readable color image, if all programs show the same 8-bit RGB pixels: its file has no palette, transparency,
     /// orientation, or gray samples.
-    fn plain_format(&self) -> Option<ImageFormat> {
+    fn plain_format(&self) -> Option<RgbFormat> {
         if self.bytes.starts_with(&JPEG) {
             // `rgb` refuses an orientation.
-            return (jpeg_components(&self.bytes) == Some(3)).then_some(ImageFormat::Jpeg);
+            return (jpeg_components(&self.bytes) == Some(3)).then_some(RgbFormat::Jpeg);
         }
         let has = |name: &[u8; 4]| png_chunks(&self.bytes).any(|chunk| chunk == name);
         let is_rgb8 = self.bytes.get(24..26) == Some(&[8, 2]);
-        (is_rgb8 && !has(b"tRNS") && !has(b"eXIf")).then_some(ImageFormat::Png)
+        (is_rgb8 && !has(b"tRNS") && !has(b"eXIf")).then_some(RgbFormat::Png)
     }
 
     /// A gray image of 8 or 16 bits from a PNG file.
@@ -603,7 +604,7 @@ mod tests {
         };
         let rgb = encoded(ColorType::Rgb, &[1, 2, 3, 4, 5, 6], None);
         let length = rgb.bytes().len();
-        assert_eq!(of(rgb), Some((ImageFormat::Png, length)));
+        assert_eq!(of(rgb), Some((RgbFormat::Png, length)));
         for (color, bytes, more) in [
             (ColorType::Grayscale, &[1, 2][..], None),
             (ColorType::Indexed, &[0, 1], None),
