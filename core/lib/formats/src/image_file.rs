@@ -41,7 +41,7 @@ impl<'p> RgbFile<'p> {
         Ok(Self { format: wanted.format, bytes: wanted.encode(products.get(RGB)?)?.into() })
     }
 
-    /// A path whose extension is that of the file.
+    /// A path with the extension of the file.
     pub fn named(&self, path: &str) -> String {
         let stem = path.rsplit_once('.').map_or(path, |(stem, _)| stem);
         format!("{stem}.{}", self.format.extension())

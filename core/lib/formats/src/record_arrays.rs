@@ -112,7 +112,7 @@ fn column(mut name: String, values: &[Option<&Value>]) -> Result<(String, Array)
         return Ok((name, array));
     }
     name.push_str(JSON_END);
-    let text = |value: &Option<&Value>| value.map_or(Ok(String::new()), |value| json::text(value));
+    let text = |value: &Option<&Value>| value.map_or(Ok(String::new()), json::text);
     let texts = values.iter().map(text).collect::<Result<Vec<String>>>()?;
     Ok((name, Array::texts(&texts.iter().map(String::as_str).collect::<Vec<_>>())))
 }
@@ -285,7 +285,10 @@ mod tests {
     use super::*;
     use syntable_model::product::standard::{CAMERA, KEYPOINTS, LIGHTS, OBJECT_INFO, OBJECT_NAME};
 
-    fn of(key: KeyId, value: &Value) -> (BTreeMap<String, NpyArray>, Vec<(String, String, Vec<usize>)>) {
+    /// Name, type and shape of an array.
+    type Told = (String, String, Vec<usize>);
+
+    fn of(key: KeyId, value: &Value) -> (BTreeMap<String, NpyArray>, Vec<Told>) {
         let NamedArrays { arrays, .. } = arrays(key.product, &key, value, [2, 3]).expect("arrays");
         let told = arrays.iter().map(|(name, array)| (name.clone(), array.descr.to_string(), array.shape.clone()));
         let told = told.collect();
@@ -296,7 +299,7 @@ mod tests {
         (arrays.into_iter().map(read).collect(), told)
     }
 
-    fn shape(name: &str, descr: &str, shape: &[usize]) -> (String, String, Vec<usize>) {
+    fn shape(name: &str, descr: &str, shape: &[usize]) -> Told {
         (name.to_owned(), descr.to_owned(), shape.to_vec())
     }
 

@@ -342,6 +342,6 @@ pub struct View {
     pub exposure: Exposure,
     /// All lights: the scene's and the view's own.
     pub lights: Vec<Light>,
-    /// The camera of a rig that takes it, if there are several.
+    /// The camera that takes it, if it belongs to a rig.
     pub rig: Option<RigView>,
 }

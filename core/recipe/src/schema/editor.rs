@@ -17,13 +17,10 @@
 
 use crate::plan::available;
 use crate::schema::kinds::schema;
-use crate::schema::shared::{for_each_part, share};
+use crate::schema::shared::{DEFINITIONS, for_each_part, share};
 use serde_json::{Map, Value as Json, json};
 use syntable_model::registry::{Registry, Shape, Slot};
 use syntable_toml_schema::REFERENCE;
-
-/// How references to definitions begin.
-pub(super) const DEFINITIONS: &str = "#/definitions/";
 
 /// Keywords that limit a number.
 const LIMITS: [&str; 4] = ["minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"];

@@ -4,9 +4,11 @@
 //! parts make the schema short. They also make editors fast: tombi reads the whole schema again at each reference that
 //! points into a definition (`#/definitions/…/properties/…`), so every reference names a definition.
 
-use crate::schema::editor::DEFINITIONS;
 use serde_json::{Map, Value as Json, json};
 use std::collections::HashMap;
+
+/// How references to definitions begin.
+pub const DEFINITIONS: &str = "#/definitions/";
 
 /// Minimum length of a shared part as JSON; a reference takes up to 28 bytes.
 const SHARED_BYTES: usize = 60;

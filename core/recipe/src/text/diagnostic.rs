@@ -97,7 +97,7 @@ pub(crate) struct DiagnosticBuilder {
     pub marks: Vec<(Span, String)>,
     pub help: Vec<String>,
     /// The change of the marked text that removes the mistake.
-    pub change: Option<Change>,
+    pub change: Option<Box<Change>>,
 }
 
 impl DiagnosticBuilder {
@@ -130,7 +130,7 @@ impl DiagnosticBuilder {
 
     /// Adds the change of the marked text that removes the mistake.
     pub fn change(mut self, change: Change) -> Self {
-        self.change = Some(change);
+        self.change = Some(Box::new(change));
         self
     }
 

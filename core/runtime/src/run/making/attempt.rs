@@ -17,9 +17,7 @@ use syntable_model::limits::CANVAS_PIXELS;
 use syntable_model::product::standard::COVERAGE;
 use syntable_model::product::{Framing, KeyId, Products};
 use syntable_model::random::Stream;
-use syntable_model::scene::{
-    Camera, Moment, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId,
-};
+use syntable_model::scene::{Camera, Moment, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId};
 use syntable_model::stage::{Atlas, Bodies, DatasetInfo, LightSampler, RenderRequest, RenderSession, Window};
 use syntable_prepare::RayScene;
 use syntable_recipe::plan::{Plan, Producer};
