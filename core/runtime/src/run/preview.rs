@@ -22,6 +22,7 @@ use crate::workers::{Pool, Stoppable};
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 use syntable_model::context::{DatasetContext, Log};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
@@ -181,12 +182,12 @@ impl Pass<'_> {
         numbers.number(f64::from(scene)).number(f64::from(view)).finish()
     }
 
-    /// Makes views of a scene in the given order, and passes each to `each` at once. As in a run, a failed attempt is
-    /// followed by the next one, which begins with the first view again.
+    /// Makes views of a scene in the given order, and passes each to `each` at once, with the time that it took. As in a
+    /// run, a failed attempt is followed by the next one, which begins with the first view again.
     ///
     /// # Errors
     /// If the scene fails, or the pass was asked to stop.
-    pub fn scene(&mut self, scene: u32, views: &[u32], each: &mut dyn FnMut(u32, &Products)) -> Result<()> {
+    pub fn scene(&mut self, scene: u32, views: &[u32], each: &mut dyn FnMut(u32, &Products, Duration)) -> Result<()> {
         let Self { source, session, composed, losses } = self;
         let attempts =
             SceneAttempts { tools: source.tools(), reporter: source.reporter, scene, first: 0, is_present: false };
@@ -239,7 +240,7 @@ impl PassSource<'_> {
         views: &[u32],
         session: &mut Option<PreviewSession>,
         composed: &mut BTreeMap<u32, Composed>,
-        each: &mut dyn FnMut(u32, &Products),
+        each: &mut dyn FnMut(u32, &Products, Duration),
     ) -> Result<Vec<Loss>> {
         let (tools, recorded) = (self.tools(), RecordingAssets::new(&self.assets));
         let (dataset, draws) = (&self.info, Mutex::default());
@@ -255,6 +256,7 @@ impl PassSource<'_> {
         let needs_next = self.plan.rendered.iter().any(|key| key.framing.moment() != ViewMoment::Own);
         for &id in views {
             tools.running()?;
+            let start = Instant::now();
             let sampled = |id: u32| attempt.view(&frozen, ViewId(id)).map(|view| smaller(view, self.width));
             let view = sampled(id)?;
             let next = (needs_next && id + 1 < count).then(|| sampled(id + 1)).transpose()?;
@@ -272,7 +274,7 @@ impl PassSource<'_> {
             let sensing = attempt.sensing(&self.plan, view.id);
             annotate(&self.times, &losses, &self.plan, &of_view, &sensing, &mut products)?;
             stages::check(&self.recipe.checks, &products).map_err(|error| error.context(format!("view {id}")))?;
-            each(id, &products);
+            each(id, &products, start.elapsed());
             self.reporter.event(&Event::Image { scene, view: id });
         }
         Ok(losses.all())

@@ -31,7 +31,7 @@ fn a_preview_leaves_out_what_a_run_leaves_out() {
         previewer.pass(&Wanted { products, width: 4, allow_libraries: false }, &Quiet, &log, &stop).expect("pools");
     let mut seen = Vec::new();
     for scene in 0..2 {
-        pass.scene(scene, &[0, 1, 2], &mut |view, _| seen.push((scene, view))).expect("made");
+        pass.scene(scene, &[0, 1, 2], &mut |view, _, _| seen.push((scene, view))).expect("made");
     }
     assert_eq!(seen.len(), 6);
     assert_eq!(pass.end(), outcome.left_out);
@@ -88,7 +88,7 @@ fn a_preview_tries_a_scene_again_as_a_run_does() {
         let log = Warnings(&failed);
         fail_next(22, 0, times, error.clone());
         let mut pass = previewer.pass(&wanted, &failed, &log, &stop).expect("pools");
-        let made = pass.scene(0, &[0, 1], &mut |_, _| {});
+        let made = pass.scene(0, &[0, 1], &mut |_, _, _| {});
         drop(pass);
         assert_eq!(
             made.map_err(|error| error.message().to_owned()).err(),
