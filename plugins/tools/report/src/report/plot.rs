@@ -9,6 +9,8 @@ const SIZE: [f64; 2] = [360.0, 210.0];
 const AREA: [f64; 4] = [46.0, 14.0, 350.0, 164.0];
 /// Maximum number of labels below the bars.
 const LABELS: usize = 8;
+/// Estimated width of a digit of a label, in units of the view box.
+const DIGIT: f64 = 6.0;
 
 /// The histogram of a distribution in percent of its values, with a description in words. `number` makes ids unique.
 pub fn histogram(of: &Distribution, number: usize) -> String {
@@ -66,9 +68,11 @@ pub fn histogram(of: &Distribution, number: usize) -> String {
     let every = edges.len().div_ceil(LABELS).max(1);
     let labeled = if is_number { &edges[..edges.len() - 1] } else { edges };
     for (index, &edge) in labeled.iter().enumerate().step_by(every) {
-        let x = left + width * (index as f64 + if is_number { 0.5 } else { 0.0 });
-        let _ =
-            write!(out, r#"<text class="tick middle" x="{x:.1}" y="{:.1}">{}</text>"#, below + 15.0, number_text(edge));
+        let label = number_text(edge);
+        let half = DIGIT / 2.0 * label.chars().count() as f64;
+        // The label of the last edge is wider than the margin.
+        let x = (left + width * (index as f64 + if is_number { 0.5 } else { 0.0 })).min(SIZE[0] - half);
+        let _ = write!(out, r#"<text class="tick middle" x="{x:.1}" y="{:.1}">{label}</text>"#, below + 15.0);
     }
     let _ = write!(
         out,
@@ -155,6 +159,26 @@ mod tests {
             "<title id=\"plot-3\">",
         ] {
             assert!(svg.contains(part), "{part} is not in {svg}");
+        }
+    }
+
+    #[test]
+    fn no_label_is_cut() {
+        let mut areas = Distribution::new(Quantity::ObjectArea);
+        [1.0, 40_000.0, 70_000.0, 130_000.0].into_iter().for_each(|area| areas.add(area));
+        bin(&mut [&mut areas], Binning::Fixed);
+        let svg = histogram(&areas, 0);
+        let labels: Vec<(f64, &str)> = svg
+            .split(r#"class="tick middle" x=""#)
+            .skip(1)
+            .filter_map(|label| {
+                let (x, rest) = label.split_once('"')?;
+                Some((x.parse().ok()?, rest.split_once('>')?.1.split_once('<')?.0))
+            })
+            .collect();
+        assert!(labels.len() > 3 && labels.iter().any(|(_, text)| text.chars().count() > 4), "{labels:?}");
+        for (x, text) in labels {
+            assert!(x + DIGIT / 2.0 * text.chars().count() as f64 <= SIZE[0], "{text} at {x}");
         }
     }
 
