@@ -77,6 +77,8 @@ fn the_overview_says_what_the_run_says() {
     {
         assert!(text.contains(part), "{part} is not in the overview");
     }
+    // Materials are in no label; their license comes from the kind of their source.
+    assert!(!text.contains("<summary>not recorded"), "an embedded asset has no license");
     let script = format!(
         "{WAIT} await wait(() => document.querySelectorAll('.plot').length > 4);
          return [...document.querySelectorAll('.cells > div')].map((it) => [it.querySelector('dt').textContent, it.querySelector('dd').textContent]);"
@@ -131,6 +133,172 @@ fn a_click_changes_the_overlay_and_leads_from_graph_to_mask_and_back() {
     assert_eq!(seen["pressed"], json!([seen["other"]]), "{seen}");
     assert!(seen["source"].as_str().is_some_and(|it| it.starts_with("depth/000/000000.jpg?")), "{seen}");
     assert_eq!(seen["legend"], false);
+}
+
+/// The images that the gallery selects, compared with a search of the annotation file.
+#[test]
+fn conditions_and_order_select_what_a_search_of_the_records_selects() {
+    let all = annotations(dataset());
+    let images = all["images"].as_array().expect("a list");
+    let of = |image: &Value| -> Vec<Value> {
+        let own = all["annotations"].as_array().expect("a list").iter();
+        own.filter(|it| it["image_id"] == image["id"]).cloned().collect()
+    };
+    let number = |object: &Value, key: &str| object[key].as_f64().expect("a number");
+    let places = |meets: &dyn Fn(&[Value]) -> bool| -> Vec<usize> {
+        (0..images.len()).filter(|place| meets(&of(&images[*place]))).collect()
+    };
+    let sorted = |value: &dyn Fn(&[Value]) -> f64, descending: bool| {
+        let mut places: Vec<(f64, usize)> =
+            (0..images.len()).map(|place| (value(&of(&images[place])), place)).collect();
+        places.sort_by(|a, b| if descending { b.0.total_cmp(&a.0) } else { a.0.total_cmp(&b.0) }.then(a.1.cmp(&b.1)));
+        places.into_iter().map(|(_, place)| place).collect::<Vec<_>>()
+    };
+    let most = |objects: &[Value]| objects.iter().map(|it| number(it, "occluded_rate")).fold(0.0, f64::max);
+    let smallest = |objects: &[Value]| objects.iter().map(|it| number(it, "area")).fold(f64::INFINITY, f64::min);
+    // The name of an object of the first image that not all images have.
+    let name = |object: &Value| object["object_name"].as_str().expect("a name").to_owned();
+    let rare = of(&images[0])
+        .iter()
+        .map(name)
+        .find(|it| !places(&|all| all.iter().all(|other| name(other) != *it)).is_empty());
+    let rare = rare.expect("a name");
+    let median = sorted(&most, true)[1];
+    let rate = (100.0 * most(&of(&images[median]))).floor();
+    let count = of(&images[0]).len();
+    let cases = [
+        (format!("q={rare}"), places(&|all| all.iter().any(|it| name(it) == rare))),
+        (format!("hidden={rate}-"), places(&|all| 100.0 * most(all) >= rate)),
+        // One object must meet both conditions.
+        (
+            format!("hidden={rate}-&size=-60"),
+            places(&|all| {
+                all.iter().any(|it| 100.0 * number(it, "occluded_rate") >= rate && number(it, "area") <= 60.0)
+            }),
+        ),
+        (format!("objects={count}-{count}"), places(&|all| all.len() == count)),
+        ("sort=occlusion".to_owned(), sorted(&most, true)),
+        ("sort=smallest&up=1".to_owned(), sorted(&smallest, false)),
+        ("objects=1000-".to_owned(), Vec::new()),
+    ];
+    let script = format!(
+        "{WAIT} const grid = document.getElementById('grid'); await wait(() => grid.dataset.all !== undefined);
+         return [...grid.querySelectorAll('a')].map((it) => Number(it.dataset.place));"
+    );
+    let mut jobs: Vec<Value> =
+        cases.iter().map(|(state, _)| job(&page(&format!("gallery.html#{state}")), &script)).collect();
+    // The typed text becomes part of the address, and of the links to images.
+    jobs.push(job(
+        &page("gallery.html"),
+        &format!(
+            "{WAIT} const grid = document.getElementById('grid'); await wait(() => grid.dataset.all === '4');
+             const field = document.querySelector('[name=q]');
+             field.value = '{rare}';
+             field.dispatchEvent(new Event('input', {{ bubbles: true }}));
+             await wait(() => location.hash !== '' && document.getElementById('which').textContent.includes('of 4'));
+             const link = grid.querySelector('a');
+             link.addEventListener('click', (event) => event.preventDefault());
+             link.click();
+             return [location.hash, link.getAttribute('href').split('#')[1].includes('q={rare}')];"
+        ),
+    ));
+    let Some(mut found) = look(&jobs) else { return };
+    let typed = found.pop().expect("the last job");
+    assert_eq!(typed, json!([format!("#q={rare}"), true]));
+    for ((state, places), found) in cases.iter().zip(found) {
+        assert_eq!(found, json!(places), "{state}");
+    }
+}
+
+#[test]
+fn keys_work_at_once_and_masks_are_downloaded_as_they_are() {
+    let press = "const press = (key, more = {}) => document.body.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true, cancelable: true, ...more }));";
+    let gallery = format!(
+        "{WAIT} {press} await wait(() => document.querySelectorAll('#grid a').length === 4);
+         const at = () => document.activeElement.dataset.place ?? null, seen = [at()];
+         for (const key of ['ArrowRight', 'End', 'Home', 'PageDown', 'Escape']) {{ press(key); seen.push(at()); }}
+         return seen;"
+    );
+    let view = format!(
+        "{WAIT} {press} const by = (id) => document.getElementById(id);
+         const at = async (place) => {{ await wait(() => by('frame').dataset.ready === place); return place; }};
+         const seen = [await at('0')];
+         for (const [key, place] of [['ArrowRight', '1'], ['End', '3'], ['ArrowLeft', '2'], ['Home', '0'], ['PageDown', '3'], ['PageUp', '0']]) {{
+             press(key);
+             seen.push(await at(place));
+         }}
+         // Zoom keeps the point below the pointer, and labels lie on the image.
+         const box = () => by('image').getBoundingClientRect(), frame = by('frame').getBoundingClientRect();
+         const before = (frame.left + 40 - box().left) / box().width;
+         by('frame').dispatchEvent(new WheelEvent('wheel', {{ deltaY: -600, clientX: frame.left + 40, clientY: frame.top + 30, bubbles: true, cancelable: true }}));
+         const after = (frame.left + 40 - box().left) / box().width, labels = by('labels').getBoundingClientRect();
+         const zoomed = [box().width / frame.width > 2, Math.abs(before - after) < 0.01, Math.abs(labels.width - box().width) < 1];
+         by('frame').dispatchEvent(new MouseEvent('dblclick', {{ bubbles: true, cancelable: true }}));
+         zoomed.push(Math.abs(box().width - frame.width) < 1);
+         let blob = null, name = null;
+         URL.createObjectURL = (it) => {{ blob = it; return '#'; }};
+         HTMLAnchorElement.prototype.click = function () {{ name = this.download; }};
+         const saved = async (act) => {{
+             blob = null;
+             act();
+             await wait(() => blob !== null);
+             const bytes = new Uint8Array(await blob.arrayBuffer());
+             return [name, btoa(String.fromCharCode(...bytes))];
+         }};
+         const button = by('objects').rows[1].querySelector('button');
+         button.click();
+         const id = Number(by('objects').rows[1].dataset.id);
+         const visible = await saved(() => by('save-visible').click()), amodal = await saved(() => by('save-amodal').click());
+         press('Escape');
+         // Without a highlight, a key takes the object below the pointer.
+         by('labels').querySelector(`.hit[data-id='${{id}}']`).dispatchEvent(new PointerEvent('pointerenter'));
+         const pointed = await saved(() => press('M', {{ shiftKey: true }}));
+         return {{ seen, zoomed, id, visible, amodal, pointed }};"
+    );
+    let Some(found) = look(&[job(&page("gallery.html"), &gallery), job(&page("view.html"), &view)]) else { return };
+    assert_eq!(found[0], json!([null, "0", "3", "0", "3", null]));
+    let seen = &found[1];
+    assert_eq!(seen["seen"], json!(["0", "1", "3", "2", "0", "3", "0"]));
+    assert_eq!(seen["zoomed"], json!([true, true, true, true]));
+    let all = annotations(dataset());
+    let own = |it: &&Value| it["image_id"] == all["images"][0]["id"] && it["instance_id"] == seen["id"];
+    let object = all["annotations"].as_array().expect("a list").iter().find(own).expect("the object");
+    for (saved, key, name) in [
+        ("visible", "visible_mask", "visible"),
+        ("amodal", "segmentation", "amodal"),
+        ("pointed", "segmentation", "amodal"),
+    ] {
+        let text = object[key]["counts"].as_str().expect("run lengths");
+        let mask = syntable_model::product::Mask::from_coco(160, 120, text).expect("a mask").to_plane();
+        assert!(
+            seen[saved][0].as_str().is_some_and(|it| it.ends_with(&format!("_{}_{name}.png", seen["id"]))),
+            "{seen}"
+        );
+        let bytes = base64_bytes(seen[saved][1].as_str().expect("a file"));
+        let image = image::load_from_memory(&bytes).expect("PNG");
+        assert_eq!(image.color(), image::ColorType::L8);
+        let image = image.to_luma8();
+        assert_eq!(image.dimensions(), (160, 120));
+        assert!(
+            image.enumerate_pixels().all(|(x, y, pixel)| pixel.0[0] == if *mask.at(x, y) { 255 } else { 0 }),
+            "{saved}"
+        );
+    }
+}
+
+/// Bytes of a text in base64 (RFC 4648).
+fn base64_bytes(text: &str) -> Vec<u8> {
+    const LETTERS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let values = text.bytes().filter_map(|letter| LETTERS.iter().position(|other| *other == letter));
+    let (mut bytes, mut held, mut bits) = (Vec::new(), 0_u32, 0);
+    for value in values {
+        (held, bits) = (held << 6 | value as u32, bits + 6);
+        if bits >= 8 {
+            bits -= 8;
+            bytes.push((held >> bits) as u8);
+        }
+    }
+    bytes
 }
 
 /// The browser's outlines, filled again, compared with the areas of the masks.

@@ -12,6 +12,7 @@ use syntable_model::product::standard::{
 use syntable_model::product::{BBox, Graph, Key, KeyId, Mask, PerInstance, Product, Products};
 use syntable_model::reader::OpenDataset;
 use syntable_model::scene::InstanceId;
+use syntable_model::stage::DatasetInfo;
 
 /// An image of a dataset, as the pages show it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -52,6 +53,9 @@ pub struct ImageObject {
     pub rate: Option<f64>,
     /// Layer in the occlusion graph.
     pub layer: Option<&'static str>,
+    /// Area of its amodal mask, or else of its visible mask, px.
+    #[serde(skip)]
+    pub area: u64,
     /// Visible mask; `None` if it is empty.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub visible: Option<String>,
@@ -95,6 +99,54 @@ pub struct GalleryRow {
     pub most: Option<f64>,
     /// Number of faults.
     pub faults: usize,
+    /// Its objects, for the index.
+    #[serde(skip)]
+    pub known: Vec<IndexObject>,
+}
+
+/// An object in the index of images.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IndexObject {
+    /// Name of its asset and name of its class.
+    pub texts: [Arc<str>; 2],
+    /// Hidden fraction of its amodal area.
+    pub rate: Option<f64>,
+    /// Area, px.
+    pub area: u64,
+}
+
+/// A part of the index of images, by which the gallery selects and sorts. Its texts are numbered, because many objects
+/// share them.
+#[derive(Debug, Default, Serialize)]
+pub struct ImageIndex {
+    texts: Vec<Arc<str>>,
+    rows: Vec<IndexRow>,
+}
+
+/// Name, scene and view, width and height, whether a color image exists, visible objects, faults, and objects as
+/// number of the name, number of the class, rate and area.
+type IndexRow = (String, [u32; 2], [u32; 2], u8, usize, usize, Vec<(usize, usize, Option<f64>, u64)>);
+
+impl ImageIndex {
+    /// The index of some images.
+    pub fn of(rows: &[GalleryRow]) -> Self {
+        let (mut index, mut numbers) = (Self::default(), BTreeMap::new());
+        for row in rows {
+            let objects = row.known.iter().map(|object| {
+                let [name, class] = object.texts.each_ref().map(|text| {
+                    *numbers.entry(Arc::clone(text)).or_insert_with(|| {
+                        index.texts.push(Arc::clone(text));
+                        index.texts.len() - 1
+                    })
+                });
+                (name, class, object.rate, object.area)
+            });
+            let objects = objects.collect();
+            let GalleryRow { name, place, size, objects: visible, has_image, faults, .. } = row;
+            index.rows.push((name.clone(), *place, *size, u8::from(*has_image), *visible, *faults, objects));
+        }
+        index
+    }
 }
 
 pub use syntable_model::rule::READABLE;
@@ -132,24 +184,48 @@ pub fn read(
         let read = read.map_err(|error| error.context(format!("image \"{}\"", of.name)))?;
         (read.size, read.products)
     };
-    let mut objects: BTreeMap<InstanceId, ImageObject> = BTreeMap::new();
     // Amodal masks alone do not show which pixels are hidden.
     let has_visible = offers.contains(&VISIBLE_MASK.id());
-    let mut put = ObjectCollector { products: &products, objects: &mut objects };
+    let (objects, graph) = objects_of(&products, has_visible, &dataset.info)?;
+    if whole {
+        for check in checks {
+            let found = dataset.label_faults(image, &**check, &products);
+            let found = found.unwrap_or_else(|error| vec![error.to_string()]);
+            faults.extend(found.into_iter().map(|message| [check.name().to_owned(), message]));
+        }
+        faults.extend(dataset.image_faults(image).iter().map(|fault| [fault.rule.to_owned(), fault.to_string()]));
+    }
+    let depth_m = products.optional(DEPTH)?.and_then(super::pixels::range);
+    let has_image = if whole { products.contains(&RGB.id()) } else { offers.contains(&RGB.id()) };
+    let (name, scene, view) = (of.name.clone(), of.scene.0, of.view.0);
+    Ok((ImageView { name, scene, view, size, has_image, depth_m, objects, graph, faults }, products))
+}
+
+/// Objects of a view, in the order of their ids, and its occlusion graph. With `has_visible`, an object without a visible
+/// mask is hidden.
+pub fn objects_of(
+    products: &Products,
+    has_visible: bool,
+    info: &DatasetInfo,
+) -> Result<(Vec<ImageObject>, Option<OcclusionGraphView>)> {
+    let mut objects: BTreeMap<InstanceId, ImageObject> = BTreeMap::new();
+    let mut put = ObjectCollector { products, objects: &mut objects };
     put.each(VISIBLE_MASK, |object, mask: &Mask| {
         object.is_hidden = mask.is_empty();
         object.visible = (!mask.is_empty()).then(|| mask.to_coco());
+        object.area = mask.area().into();
     })?;
     put.each(AMODAL_MASK, |object, mask: &Mask| {
         object.is_hidden = has_visible && object.visible.is_none();
         object.amodal = Some(mask.to_coco());
+        object.area = mask.area().into();
     })?;
     put.each(OCCLUSION_MASK, |object, mask: &Mask| object.hidden = (!mask.is_empty()).then(|| mask.to_coco()))?;
     put.each(OCCLUSION_RATE, |object, rate: &f64| object.rate = Some(*rate))?;
     put.each(VISIBLE_BOX, |object, bbox: &BBox| object.visible_box = Some((*bbox).into()))?;
     put.each(AMODAL_BOX, |object, bbox: &BBox| object.amodal_box = Some((*bbox).into()))?;
     put.each(OBJECT_NAME, |object, name: &String| object.name.clone_from(name))?;
-    let classes: BTreeMap<u32, &str> = dataset.info.categories().collect();
+    let classes: BTreeMap<u32, &str> = info.categories().collect();
     put.each(CATEGORY_ID, |object, id: &u32| {
         object.category = classes.get(id).copied().unwrap_or_default().to_owned()
     })?;
@@ -172,19 +248,7 @@ pub fn read(
         }
         None => None,
     };
-    if whole {
-        for check in checks {
-            let found = dataset.label_faults(image, &**check, &products);
-            let found = found.unwrap_or_else(|error| vec![error.to_string()]);
-            faults.extend(found.into_iter().map(|message| [check.name().to_owned(), message]));
-        }
-        faults.extend(dataset.image_faults(image).iter().map(|fault| [fault.rule.to_owned(), fault.to_string()]));
-    }
-    let depth_m = products.optional(DEPTH)?.and_then(super::pixels::range);
-    let has_image = if whole { products.contains(&RGB.id()) } else { offers.contains(&RGB.id()) };
-    let objects = objects.into_values().collect();
-    let (name, scene, view) = (of.name.clone(), of.scene.0, of.view.0);
-    Ok((ImageView { name, scene, view, size, has_image, depth_m, objects, graph, faults }, products))
+    Ok((objects.into_values().collect(), graph))
 }
 
 /// All readable products of an image. An unreadable product is a fault.
@@ -234,8 +298,13 @@ impl ObjectCollector<'_> {
 }
 
 impl ImageView {
-    /// Data of the image in the gallery.
-    pub fn row(&self) -> GalleryRow {
+    /// Data of the image in the gallery. `shared` returns the same text for equal texts.
+    pub fn row(&self, shared: &dyn Fn(&str) -> Arc<str>) -> GalleryRow {
+        let known = self.objects.iter().map(|object| IndexObject {
+            texts: [shared(&object.name), shared(&object.category)],
+            rate: object.rate,
+            area: object.area,
+        });
         let rates = self.objects.iter().filter_map(|object| object.rate);
         GalleryRow {
             name: self.name.clone(),
@@ -245,6 +314,7 @@ impl ImageView {
             has_image: self.has_image,
             most: rates.reduce(f64::max),
             faults: self.faults.len(),
+            known: known.collect(),
         }
     }
 }

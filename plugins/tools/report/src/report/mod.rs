@@ -10,6 +10,7 @@
 //! | `gallery.html`, `view.html`, `scene.html` | shells; the part after `#` in the address selects their content |
 //! | `page/…` | style sheet and scripts |
 //! | `data/rows/3.js` | the gallery's data of images 3 · 60 to 4 · 60 |
+//! | `data/index/3.js` | the objects of images 3000 to 4000, by which the gallery selects and sorts |
 //! | `data/view/000/000012.js` | an image's objects, masks and graph |
 //! | `data/scene/000003.js` | a scene's glTF file |
 //! | `image/000/000012.jpg`, `depth/000/000012.jpg` | color and depth of an image |
@@ -19,7 +20,7 @@ mod colors;
 pub mod image;
 pub mod make;
 mod overview;
-mod pixels;
+pub mod pixels;
 mod plot;
 pub mod record;
 pub mod scored;
@@ -27,7 +28,7 @@ pub mod scored;
 use crate::stats::DatasetStatistics;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use image::{GalleryRow, ImageView};
+use image::{GalleryRow, ImageIndex, ImageView};
 use parking_lot::Mutex;
 use record::{DatasetRecord, Licenses};
 use scored::ReportScores;
@@ -57,11 +58,14 @@ const POLICY: &str = "default-src 'none'; script-src 'self' file:; style-src 'se
                       base-uri 'none'; form-action 'none'";
 
 /// Style sheet and scripts.
-const ASSETS: [(&str, &str); 8] = [
+const ASSETS: [(&str, &str); 11] = [
     ("page/style.css", include_str!("page/style.css")),
     ("page/theme.js", include_str!("page/theme.js")),
     ("page/data.js", include_str!("page/data.js")),
     ("page/overlay.js", include_str!("page/overlay.js")),
+    ("page/filter.js", include_str!("page/filter.js")),
+    ("page/zoom.js", include_str!("page/zoom.js")),
+    ("page/download.js", include_str!("page/download.js")),
     ("page/graph.js", include_str!("page/graph.js")),
     ("page/gallery.js", include_str!("page/gallery.js")),
     ("page/view.js", include_str!("page/view.js")),
@@ -105,6 +109,8 @@ pub struct DatasetReport {
     pages: Tera,
     /// Gallery rows of the images shown so far.
     rows: Vec<Mutex<Option<GalleryRow>>>,
+    /// Names of objects and classes in these rows, which share them.
+    texts: Mutex<BTreeSet<Arc<str>>>,
     /// Faults of the images checked so far, by index among the shown images.
     faults: Mutex<BTreeMap<usize, Vec<[String; 2]>>>,
     /// The statistics, once they are complete.
@@ -153,7 +159,7 @@ impl DatasetReport {
         if dataset.images.is_empty() {
             return Err(Error::new("the dataset has no image").in_file(path));
         }
-        let record = DatasetRecord::of(source);
+        let record = DatasetRecord::of(registry, source);
         let ReportSelection { images: shown, scenes: most } = choose(&dataset);
         let scenes: Vec<u32> = record.models.keys().copied().take(most.unwrap_or(usize::MAX)).collect();
         let mut pages = Tera::default();
@@ -175,6 +181,7 @@ impl DatasetReport {
             edition: OnceLock::new(),
             pages,
             rows,
+            texts: Mutex::default(),
             faults: Mutex::default(),
             statistics,
         })
@@ -287,7 +294,7 @@ impl DatasetReport {
     /// Reads an image with all inputs of the checks, and stores the faults.
     fn read_whole(&self, place: usize) -> Result<(ImageView, Products)> {
         let read = image::read(&self.dataset, &self.checks, self.shown[place], true)?;
-        *self.rows[place].lock() = Some(read.0.row());
+        *self.rows[place].lock() = Some(read.0.row(&|text| self.shared(text)));
         self.faults.lock().insert(place, read.0.faults.clone());
         Ok(read)
     }
@@ -297,7 +304,8 @@ impl DatasetReport {
         let pages = PAGES.iter().map(|(name, _)| (*name).to_owned());
         let assets = ASSETS.iter().map(|(path, _)| (*path).to_owned());
         let rows = (0..self.shown.len().div_ceil(PER_PAGE)).map(|page| format!("data/rows/{page}.js"));
-        pages.chain(assets).chain(rows).collect()
+        let index = (0..self.shown.len().div_ceil(PER_FOLDER)).map(|part| format!("data/index/{part}.js"));
+        pages.chain(assets).chain(rows).chain(index).collect()
     }
 
     /// A file by its path; `None` if the report has no such file.
@@ -314,6 +322,9 @@ impl DatasetReport {
         };
         if let Some(page) = number("data/rows/", ".js").filter(|page| format!("data/rows/{page}.js") == path) {
             return self.rows_of(page);
+        }
+        if let Some(part) = number("data/index/", ".js").filter(|part| format!("data/index/{part}.js") == path) {
+            return self.index_of(part);
         }
         if let Some(scene) = number("data/scene/", ".js").filter(|scene| format!("data/scene/{scene:06}.js") == path) {
             return self.scene(scene);
@@ -350,6 +361,16 @@ impl DatasetReport {
         WholeView { image: view, has_scene: self.scenes().contains(&view.scene), predicted }
     }
 
+    /// The one copy of a text that the rows share.
+    fn shared(&self, text: &str) -> Arc<str> {
+        let mut texts = self.texts.lock();
+        texts.get(text).cloned().unwrap_or_else(|| {
+            let new: Arc<str> = text.into();
+            texts.insert(Arc::clone(&new));
+            new
+        })
+    }
+
     fn row(&self, place: usize) -> Result<GalleryRow> {
         let mut row = self.rows[place].lock();
         if let Some(row) = &*row {
@@ -357,7 +378,7 @@ impl DatasetReport {
         }
         let of = |whole: bool| image::read(&self.dataset, &self.checks, self.shown[place], whole);
         // With the checks, unreadable data is a fault of the image.
-        let read = of(false).or_else(|_| of(true))?.0.row();
+        let read = of(false).or_else(|_| of(true))?.0.row(&|text| self.shared(text));
         *row = Some(read.clone());
         Ok(read)
     }
@@ -370,6 +391,16 @@ impl DatasetReport {
         let rows: Vec<GalleryRow> =
             (first..self.shown.len().min(first + PER_PAGE)).map(|place| self.row(place)).collect::<Result<_>>()?;
         Ok(Some(self.put(&format!("rows/{page}"), &rows)))
+    }
+
+    fn index_of(&self, part: usize) -> Result<Option<Vec<u8>>> {
+        let first = part.saturating_mul(PER_FOLDER);
+        if first >= self.shown.len() {
+            return Ok(None);
+        }
+        let places = first..self.shown.len().min(first + PER_FOLDER);
+        let rows: Vec<GalleryRow> = places.map(|place| self.row(place)).collect::<Result<_>>()?;
+        Ok(Some(self.put(&format!("index/{part}"), &ImageIndex::of(&rows))))
     }
 
     fn scene(&self, scene: usize) -> Result<Option<Vec<u8>>> {
@@ -399,6 +430,8 @@ impl DatasetReport {
         context.insert("facts", &facts);
         context.insert("query", &self.addressed(String::new()));
         context.insert("has_scores", &self.scored.is_some());
+        let classes: BTreeSet<&str> = self.dataset.info.categories().map(|(_, name)| name).collect();
+        context.insert("classes", &classes);
         context.insert("scenes", &self.scenes());
         context.insert("models", &self.record.models.len());
         if name == "index.html" {

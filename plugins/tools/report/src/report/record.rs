@@ -12,6 +12,7 @@ use syntable_model::limits::RUN_LIST_BYTES;
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{PerInstance, Value};
 use syntable_model::reader::{OpenDataset, Source};
+use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::stage::RESERVED;
 use syntable_runtime::run::dataset::journal::{Journal, JournalEntry};
 use syntable_runtime::run::dataset::layout::{journal_path, times_path};
@@ -39,6 +40,8 @@ pub struct DatasetRecord {
     pub damaged: Vec<String>,
     /// glTF files by scene.
     pub models: BTreeMap<u32, PathBuf>,
+    /// Licenses of pools whose assets have all the same license.
+    pub pool_licenses: BTreeMap<String, String>,
 }
 
 /// An origin of assets: a pool of the recipe.
@@ -72,7 +75,7 @@ pub type Licenses = BTreeMap<String, String>;
 
 impl DatasetRecord {
     /// Reads the records in the folder of a run; empty if no run made the folder.
-    pub fn of(dataset: &Source) -> Self {
+    pub fn of(registry: &Registry, dataset: &Source) -> Self {
         let opened = run_of(&dataset.path).and_then(|root| match root {
             Some(root) => dataset.folder(&root).map(|folder| Some((root, folder))),
             None => Ok(None),
@@ -116,7 +119,8 @@ impl DatasetRecord {
             note(&path, format!("{} of {lines} lines cannot be read", lines - times.len()));
         }
         let models = models(&folder, &root, &table, journal.keys().copied(), &mut note);
-        Self { folder: Some(folder), times, recipe, table, journal, damaged, models }
+        let pool_licenses = pool_licenses(registry, &table);
+        Self { folder: Some(folder), times, recipe, table, journal, damaged, models, pool_licenses }
     }
 
     /// Reads a file of the run.
@@ -159,7 +163,8 @@ impl DatasetRecord {
             let mut by_license: BTreeMap<String, Vec<String>> = BTreeMap::new();
             for name in &names {
                 let of = |pool: &str| licenses.get(&format!("{pool}/{name}")).cloned();
-                let license = of(pool).or_else(|| of("")).unwrap_or_default();
+                let license = of(pool).or_else(|| of("")).or_else(|| self.pool_licenses.get(pool).cloned());
+                let license = license.unwrap_or_default();
                 by_license.entry(license).or_default().push((*name).to_owned());
             }
             let count = |(license, names): (String, Vec<String>)| LicenseCount { license, assets: names.len(), names };
@@ -223,6 +228,23 @@ impl DatasetRecord {
         }
         (found, unread)
     }
+}
+
+/// Licenses of a recipe's pools: the option of the pool, or else the license that its kind gives to all of its assets.
+fn pool_licenses(registry: &Registry, recipe: &toml::Table) -> BTreeMap<String, String> {
+    let pools = recipe.get(Slot::Assets.name()).and_then(toml::Value::as_table).into_iter().flatten();
+    let license = |pool: &toml::Value| {
+        if let Some(license) = pool.get("license").and_then(toml::Value::as_str) {
+            return Some(license.to_owned());
+        }
+        let entry = registry.find(Slot::Assets, pool.get("kind")?.as_str()?)?;
+        // A kind that needs a path has licenses in its files.
+        match entry.construct_str("").ok()?.stage {
+            Stage::Assets(source) => source.license().map(str::to_owned),
+            _ => None,
+        }
+    };
+    pools.filter_map(|(name, pool)| Some((name.clone(), license(pool)?))).collect()
 }
 
 /// A regular, accessible file of a run, if it exists.

@@ -7,7 +7,7 @@ const syntable = (() => {
   const query = facts.edition ? `?${facts.edition}` : "";
 
   /** Loads `data/<key>.js`, which calls `put`. A page from a file may not fetch, but it may run scripts. */
-  const get = (key) => {
+  const get = (key, isKept = true) => {
     if (!asked.has(key)) {
       asked.set(key, new Promise((resolve, reject) => {
         wanted.set(key, resolve);
@@ -24,7 +24,9 @@ const syntable = (() => {
       // What was looked at long ago is forgotten.
       if (asked.size > 400) asked.delete(asked.keys().next().value);
     }
-    return asked.get(key);
+    const found = asked.get(key);
+    if (!isKept) asked.delete(key);
+    return found;
   };
   const put = (key, value) => {
     wanted.get(key)?.(value);
@@ -121,6 +123,14 @@ const syntable = (() => {
     return path;
   };
 
+  /** Whether a key belongs to a field of the page, or to the browser. */
+  const isTyping = (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return true;
+    const field = event.target instanceof Element ? event.target.closest("input, select, textarea") : null;
+    if (field?.type === "radio") return event.key.startsWith("Arrow");
+    return field !== null && field.type !== "checkbox";
+  };
+
   const fail = (error) => {
     const place = document.getElementById("failed");
     if (place) {
@@ -129,5 +139,5 @@ const syntable = (() => {
     }
   };
 
-  return { facts, get, put, view, imagePath, state, setState, whole, element, color, runs, outline, fail };
+  return { facts, get, put, view, imagePath, state, setState, whole, element, color, runs, outline, isTyping, fail };
 })();

@@ -1,9 +1,9 @@
 // The gallery: a page of images at a time, labels over those that are on screen.
 "use strict";
 {
-  const { facts, element, overlay, state, setState, whole, imagePath } = syntable;
+  const { facts, element, filter, overlay, state, setState, whole, imagePath } = syntable;
   const grid = document.getElementById("grid"), number = document.getElementById("page");
-  const pages = Math.ceil(facts.images / facts.per_page);
+  let pages = Math.ceil(facts.images / facts.per_page);
   const page = () => whole(state().get("page") ?? "1", 1, pages);
   const percent = (rate) => `${Math.round(100 * rate)} %`;
 
@@ -40,61 +40,92 @@
       title: `${row.name}: scene ${scene}, view ${view}`,
     }, frame, element("div", { class: "says" }, name, element("span", {}, says)));
     link.addEventListener("click", () => {
-      const on = state().get("on");
-      link.href = `view.html#i=${place}${on ? `&on=${on}` : ""}`;
+      link.href = `view.html${filter.carried({ i: place })}`;
     });
     watch.observe(link);
     return element("li", {}, link);
   };
 
-  const show = async (focus = false) => {
+  const many = (number, one) => `${number.toLocaleString("en-US")} ${one}${number === 1 ? "" : "s"}`;
+  /** The rows of a page: of all images, or of those that meet the conditions. */
+  const rowsOf = async (now) => {
+    const chosen = await filter.rows((read) => {
+      document.getElementById("which").textContent = `Reading labels: ${read.toLocaleString("en-US")} of ${many(facts.images, "image")}`;
+    });
+    const first = (now - 1) * facts.per_page;
+    const all = chosen ? chosen.length : facts.images;
+    const rows = chosen ? chosen.slice(first, first + facts.per_page)
+      : (await syntable.get(`rows/${now - 1}`)).map((row, index) => ({ ...row, at: first + index }));
+    return { rows, first, all };
+  };
+
+  let latest = 0;
+  const show = async (focus = null) => {
+    const turn = ++latest;
+    if (!filter.isActive()) pages = Math.ceil(facts.images / facts.per_page);
+    let found = await rowsOf(page());
+    if (turn !== latest) return;
+    pages = Math.max(1, Math.ceil(found.all / facts.per_page));
     const now = page();
+    if (found.first !== (now - 1) * facts.per_page) found = await rowsOf(now);
     number.value = now;
+    number.max = pages;
+    document.getElementById("pages").textContent = pages.toLocaleString("en-US");
     for (const [id, to] of [["first", 1], ["back", now - 1], ["next", now + 1], ["last", pages]]) {
       const button = document.getElementById(id);
       button.disabled = to === now || to < 1 || to > pages;
-      button.onclick = () => go(to, false);
+      button.onclick = () => go(to);
     }
-    const rows = await syntable.get(`rows/${now - 1}`);
-    if (now !== page()) return;
-    const first = (now - 1) * facts.per_page;
-    document.getElementById("which").textContent = `Images ${first + 1} to ${first + rows.length} of ${facts.images.toLocaleString("en-US")}`;
+    const { rows, first, all } = found;
+    const part = rows.length < all ? `Images ${(first + 1).toLocaleString("en-US")} to ${(first + rows.length).toLocaleString("en-US")} of ` : "";
+    const of = filter.isActive() ? `${many(all, "image")}, of ${facts.images.toLocaleString("en-US")}` : many(all, "image");
+    document.getElementById("which").textContent = all === 0 ? "No image meets the conditions." : part + of;
     watch.disconnect();
-    grid.replaceChildren(...rows.map((row, index) => card(first + index, row)));
+    grid.replaceChildren(...rows.map((row) => card(row.at, row)));
     grid.dataset.ready = String(now);
-    if (focus) grid.querySelector("a").focus();
+    grid.dataset.all = String(all);
+    if (focus !== null) grid.querySelectorAll("a")[focus < 0 ? rows.length - 1 : focus]?.focus();
   };
-  const go = (to, focus) => {
+  const go = (to, focus = null) => {
     setState({ page: to === 1 ? null : to });
     scrollTo(0, 0);
     show(focus).catch(syntable.fail);
   };
 
-  number.max = pages;
-  document.getElementById("pages").textContent = pages.toLocaleString("en-US");
-  number.addEventListener("change", () => go(whole(number.value, 1, pages), false));
+  number.addEventListener("change", () => go(whole(number.value, 1, pages)));
   const { show: follow } = overlay.switches(() => {
     for (const link of grid.querySelectorAll("[data-visible]")) label(link).catch(syntable.fail);
   });
-  grid.addEventListener("keydown", (event) => {
-    const cards = [...grid.querySelectorAll("a")], at = cards.indexOf(document.activeElement);
-    if (at < 0) return;
+  const form = filter.form(() => show().catch(syntable.fail));
+  /** The card to start from: the one with the focus, or the first that is in sight. */
+  const start = (cards) => {
+    const focused = cards.indexOf(document.activeElement?.closest("#grid a"));
+    return focused >= 0 ? [focused, true] : [Math.max(0, cards.findIndex((it) => it.getBoundingClientRect().bottom > 0)), false];
+  };
+  addEventListener("keydown", (event) => {
+    if (syntable.isTyping(event) || event.shiftKey) return;
+    const cards = [...grid.querySelectorAll("a")], now = page();
+    if (cards.length === 0) return;
     const columns = Math.max(1, cards.filter((it) => it.offsetTop === cards[0].offsetTop).length);
-    const steps = { ArrowLeft: -1, ArrowRight: 1, ArrowUp: -columns, ArrowDown: columns };
-    const now = page();
+    const steps = { ArrowLeft: -1, ArrowRight: 1, ArrowUp: -columns, ArrowDown: columns, Home: -cards.length, End: cards.length };
     if (event.key in steps) {
-      event.preventDefault();
-      cards[Math.min(cards.length - 1, Math.max(0, at + steps[event.key]))].focus();
-    } else if (event.key === "PageDown" && now < pages) {
-      event.preventDefault();
-      go(now + 1, true);
-    } else if (event.key === "PageUp" && now > 1) {
-      event.preventDefault();
-      go(now - 1, true);
+      const [at, isFocused] = start(cards), isStep = event.key.startsWith("Arrow");
+      cards[Math.min(cards.length - 1, Math.max(0, at + (isFocused || !isStep ? steps[event.key] : 0)))].focus();
+    } else if (event.key === "PageDown") {
+      if (now < pages) go(now + 1, 0); else cards.at(-1).focus();
+    } else if (event.key === "PageUp") {
+      if (now > 1) go(now - 1, 0); else cards[0].focus();
+    } else if (event.key === "Escape") {
+      document.activeElement?.blur();
+      return;
+    } else {
+      return;
     }
+    event.preventDefault();
   });
   addEventListener("hashchange", () => {
     follow();
+    form.show();
     show().catch(syntable.fail);
   });
   show().catch(syntable.fail);

@@ -45,7 +45,7 @@ syntable.graph = (() => {
     const widest = Math.max(4, ...lists.map(([, ids]) => ids.length));
     const [width, height] = [LEFT + widest * COLUMN + 16, lists.length * ROW + 16];
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    const place = new Map(), all = [];
+    const place = new Map(), all = [], heads = [];
     lists.forEach(([name, ids], row) => {
       const y = 8 + ROW * (row + 0.5), isBetween = name === "intermediate" && ids.length < widest - 1;
       // Rows of few are shifted against each other, so that links pass beside nodes.
@@ -69,7 +69,7 @@ syntable.graph = (() => {
       const length = Math.hypot(u - mx, v - my) || 1, [dx, dy] = [(u - mx) / length, (v - my) / length];
       const [ex, ey] = [u - dx * (RADIUS + 2), v - dy * (RADIUS + 2)];
       all.push(element("path", { class: `link${marks}`, d: `M${x} ${y}Q${mx} ${my} ${ex - dx * 5} ${ey - dy * 5}` }));
-      all.push(element("path", {
+      heads.push(element("path", {
         class: `head${marks}`, d: `M${ex} ${ey}L${ex - dx * 8 - dy * 4} ${ey - dy * 8 + dx * 4}L${ex - dx * 8 + dy * 4} ${ey - dy * 8 - dx * 4}Z`,
       }));
     }
@@ -91,7 +91,8 @@ syntable.graph = (() => {
       all.push(node);
     }
     const focused = document.activeElement?.closest?.(".node")?.dataset.id;
-    svg.replaceChildren(...all);
+    // Heads lie above nodes that are in the way.
+    svg.replaceChildren(...all, ...heads);
     if (focused) svg.querySelector(`.node[data-id="${focused}"]`)?.focus();
   };
 

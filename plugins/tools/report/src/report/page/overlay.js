@@ -40,11 +40,15 @@ syntable.overlay = (() => {
     return paths.get(object)[kind] ??= outline(object[kind], image.size);
   };
 
-  /** Puts what is switched on into an SVG. With `choose`, a click on an object calls it. */
-  const draw = (svg, image, shown, chosen = null, choose = null) => {
+  /** Size of ids and arrow heads on the screen, px. */
+  const TAG_PX = 13, HEAD_PX = 9;
+
+  /** Puts what is switched on into an SVG. With `choose`, a click on an object calls it, and `over` gets the object below the pointer. */
+  const draw = (svg, image, shown, chosen = null, choose = null, over = () => {}) => {
     const [width, height] = image.size;
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    const all = [], scale = width / 640;
+    // Pixels of the image per pixel of the screen: texts and arrow heads keep their size when the image is zoomed.
+    const all = [], unit = width / (svg.clientWidth || 640);
     const fill = (object, kind, opacity) => element("path", {
       class: `fill ${kind}`, d: path(image, object, kind), fill: color(object.id), "fill-opacity": opacity, "fill-rule": "evenodd",
     });
@@ -86,25 +90,6 @@ syntable.overlay = (() => {
         }
       }
     }
-    if (shown.includes("order") && image.graph) {
-      const of = new Map(image.objects.map((object) => [object.id, object]));
-      for (const [front, back] of image.graph.edges) {
-        if (!of.has(front) || !of.has(back)) continue;
-        const [[x, y], [u, v]] = [center(of.get(front)), center(of.get(back))];
-        const length = Math.hypot(u - x, v - y) || 1, [dx, dy] = [(u - x) / length, (v - y) / length], head = 7 * scale;
-        const d = `M${x} ${y}L${u} ${v}M${u - head * (dx + dy / 2)} ${v - head * (dy - dx / 2)}L${u} ${v}L${u - head * (dx - dy / 2)} ${v - head * (dy + dx / 2)}`;
-        all.push(element("path", { class: "arrow under", d, fill: "none" }), element("path", { class: "arrow", d, fill: "none" }));
-      }
-    }
-    if (shown.includes("ids")) {
-      for (const object of image.objects) {
-        if (!boxOf(object)) continue;
-        const [x, y] = center(object);
-        const tag = element("text", { class: "tag", x, y }, String(object.id));
-        tag.style.fontSize = `${12 * scale}px`;
-        all.push(tag);
-      }
-    }
     const picked = image.objects.find((object) => object.id === chosen);
     if (picked) {
       for (const kind of ["amodal", "visible"]) {
@@ -116,6 +101,30 @@ syntable.overlay = (() => {
         all.push(element("path", { class: "chosen under", d }), element("path", { class: "chosen", d, "stroke-dasharray": kind === "amodal" ? "6 4" : null }));
       }
     }
+    if (shown.includes("order") && image.graph) {
+      const of = new Map(image.objects.map((object) => [object.id, object]));
+      for (const [front, back] of image.graph.edges) {
+        if (!of.has(front) || !of.has(back)) continue;
+        const [from, to] = [center(of.get(front)), center(of.get(back))];
+        const length = Math.hypot(to[0] - from[0], to[1] - from[1]) || 1, head = Math.min(HEAD_PX * unit, length / 3);
+        const [dx, dy] = [(to[0] - from[0]) / length, (to[1] - from[1]) / length];
+        // Ids stand at the ends of arrows, and must not cover their heads.
+        const gap = shown.includes("ids") ? Math.min(TAG_PX * unit, length / 4) : 0;
+        const [x, y, u, v] = [from[0] + gap * dx, from[1] + gap * dy, to[0] - gap * dx, to[1] - gap * dy];
+        const d = `M${x} ${y}L${u} ${v}M${u - head * (dx + dy / 2)} ${v - head * (dy - dx / 2)}L${u} ${v}L${u - head * (dx - dy / 2)} ${v - head * (dy + dx / 2)}`;
+        all.push(element("path", { class: "arrow under", d, fill: "none" }), element("path", { class: "arrow", d, fill: "none" }));
+      }
+    }
+    if (shown.includes("ids")) {
+      for (const object of image.objects) {
+        if (!boxOf(object)) continue;
+        const [x, y] = center(object);
+        const tag = element("text", { class: "tag", x, y }, String(object.id));
+        tag.style.fontSize = `${TAG_PX * unit}px`;
+        tag.style.strokeWidth = `${3 * unit}px`;
+        all.push(tag);
+      }
+    }
     if (choose) {
       for (const object of image.objects) {
         const d = path(image, object, object.visible ? "visible" : "amodal");
@@ -123,6 +132,8 @@ syntable.overlay = (() => {
         const hit = element("path", { class: "hit", d, "fill-rule": "evenodd", "data-id": object.id },
           element("title", {}, `${object.id} ${object.name || object.category}`));
         hit.addEventListener("click", () => choose(object.id));
+        hit.addEventListener("pointerenter", () => over(object.id));
+        hit.addEventListener("pointerleave", () => over(null));
         all.push(hit);
       }
     }
@@ -140,9 +151,8 @@ syntable.overlay = (() => {
       });
     }
     addEventListener("keydown", (event) => {
-      const typing = event.target.closest("input[type=number], select");
       const input = inputs.find((it) => it.dataset.key === event.key);
-      if (!input || input.disabled || typing || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (!input || input.disabled || syntable.isTyping(event)) return;
       input.click();
     });
     show();

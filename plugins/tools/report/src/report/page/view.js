@@ -1,16 +1,36 @@
 // One image: labels over it, its occlusion graph, its objects.
 "use strict";
 {
-  const { facts, element, overlay, graph, color, state, setState, whole, imagePath } = syntable;
+  const { facts, element, download, filter, overlay, graph, color, state, setState, whole, imagePath } = syntable;
   const by = (id) => document.getElementById(id);
   const place = () => whole(state().get("i") ?? "0", 0, facts.images - 1);
   const chosen = () => Number(state().get("object") ?? 0) || null;
-  let image = null;
+  /** How far Page Up and Page Down go. */
+  const PAGE = 10;
+  let image = null, pointed = null;
+  /** The object whose masks a download holds: the one below the pointer, or the highlighted one. */
+  const object = () => image?.objects.find((it) => it.id === (pointed ?? chosen()));
 
   const choose = (id) => {
     setState({ object: chosen() === id ? null : id });
     draw();
   };
+
+  const drawLabels = () => {
+    overlay.draw(by("labels"), image, overlay.on(), chosen(), choose, (id) => {
+      pointed = id;
+    });
+  };
+  const zoom = syntable.zoom(by("frame"), by("canvas"), () => image && requestAnimationFrame(drawLabels));
+  const saveMask = async (kind) => {
+    const it = object();
+    if (it?.[kind]) download.save(await download.png(it[kind], image.size), `${download.named(image, it.id, kind)}.png`);
+  };
+  for (const kind of ["visible", "amodal"]) by(`save-${kind}`).addEventListener("click", () => saveMask(kind).catch(syntable.fail));
+  by("closer").addEventListener("click", () => zoom.by(1.5));
+  by("farther").addEventListener("click", () => zoom.by(1 / 1.5));
+  by("entire").addEventListener("click", zoom.reset);
+  addEventListener("resize", () => image && drawLabels());
 
   const meters = (value) => `${value.toFixed(2)} m`;
   const draw = () => {
@@ -27,15 +47,19 @@
     }
     by("legend").hidden = base !== "depth";
     if (image.depth_m) [by("near").textContent, by("far").textContent] = image.depth_m.map(meters);
-    overlay.draw(by("labels"), image, overlay.on(), chosen(), choose);
+    drawLabels();
+    by("save-image").href = path;
+    by("save-image").download = `${download.named(image, ...(base === "depth" ? ["depth"] : []))}.jpg`;
+    by("save-image").hidden = !has;
     if (image.graph && image.objects.length > 0) graph.draw(by("graph"), image, chosen(), choose);
     for (const row of by("objects").rows) {
       const is = Number(row.dataset.id) === chosen();
       row.setAttribute("aria-selected", String(is));
       row.querySelector("button").setAttribute("aria-pressed", String(is));
     }
-    const object = image.objects.find((it) => it.id === chosen());
-    by("picked").textContent = object ? `Object ${object.id} ${object.name || object.category} is highlighted.` : "";
+    const picked = image.objects.find((it) => it.id === chosen());
+    by("picked").textContent = picked ? `Object ${picked.id} ${picked.name || picked.category} is highlighted.` : "A click on an object highlights it in the image, the graph and the list.";
+    for (const kind of ["visible", "amodal"]) by(`save-${kind}`).disabled = !picked?.[kind];
   };
 
   const fill = () => {
@@ -45,11 +69,10 @@
     const hidden = image.objects.filter((it) => it.is_hidden).length;
     const objects = many(image.objects, "object") + (hidden ? ` (${hidden} fully hidden)` : "");
     by("where").textContent = `${image.name} · scene ${image.scene}, view ${image.view} · ${image.size.join(" × ")} px · ${objects}`;
-    by("number").textContent = `${(image.place + 1).toLocaleString("en-US")} of ${facts.images.toLocaleString("en-US")}`;
     by("space").hidden = !image.has_scene;
     by("space").href = `scene.html#scene=${image.scene}&view=${image.view}`;
     const [width, height] = image.size;
-    by("frame").style.aspectRatio = `${width || 4} / ${height || 3}`;
+    by("frame").style.setProperty("--ratio", (width || 4) / (height || 3));
     const faults = image.faults.map(([check, message]) => element("li", {}, `${check}: ${message}`));
     by("faults").hidden = faults.length === 0;
     by("fault-list").replaceChildren(...faults);
@@ -105,26 +128,44 @@
   };
 
   const { show: follow, enable } = overlay.switches(() => draw());
+  /** The image that is a number of steps on, among those that the gallery shows. */
+  let step = () => null;
   const show = async () => {
     const now = place();
-    const buttons = [["back", now - 1], ["next", now + 1]];
-    for (const [id, to] of buttons) {
-      by(id).disabled = to < 0 || to >= facts.images;
+    const chosenRows = await filter.rows();
+    if (now !== place()) return;
+    const places = chosenRows?.map((row) => row.at), count = places ? places.length : facts.images;
+    const index = places ? places.indexOf(now) : now;
+    step = (steps) => {
+      const to = Math.min(count - 1, Math.max(0, index + steps));
+      return count === 0 || to === index ? null : places ? places[to] : to;
+    };
+    for (const [id, steps] of [["back", -1], ["next", 1]]) {
+      const to = step(steps);
+      by(id).disabled = to === null;
       by(id).onclick = () => go(to);
     }
-    by("gallery").href = `gallery.html#page=${Math.floor(now / facts.per_page) + 1}${state().get("on") ? `&on=${state().get("on")}` : ""}`;
+    const position = index < 0 ? "–" : (index + 1).toLocaleString("en-US");
+    by("number").textContent = `${position} of ${count.toLocaleString("en-US")}${places ? " chosen" : ""}`;
+    const page = Math.floor(Math.max(0, index) / facts.per_page) + 1;
+    by("gallery").href = `gallery.html${filter.carried(page > 1 ? { page } : {})}`;
+    by("gallery").textContent = places ? "Chosen images" : "All images";
     const read = await syntable.view(now);
     if (now !== place()) return;
     image = { ...read, place: now };
+    pointed = null;
     fill();
     fillPredictions();
     enable(image);
     draw();
     by("frame").dataset.ready = String(now);
     // What comes next is read ahead.
-    if (now + 1 < facts.images) syntable.view(now + 1).catch(() => {});
+    const ahead = step(1);
+    if (ahead !== null) syntable.view(ahead).catch(() => {});
   };
   const go = (to) => {
+    if (to === null) return;
+    zoom.reset();
     setState({ i: to, object: null });
     show().catch(syntable.fail);
   };
@@ -135,10 +176,18 @@
     });
   }
   addEventListener("keydown", (event) => {
-    if (event.target.closest("select, input[type=radio], input[type=number]") || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (event.key === "ArrowLeft") by("back").click();
-    else if (event.key === "ArrowRight") by("next").click();
-    else if (event.key === "Escape" && chosen()) choose(chosen());
+    if (syntable.isTyping(event) || !image) return;
+    const steps = { ArrowLeft: -1, ArrowRight: 1, PageUp: -PAGE, PageDown: PAGE, Home: -facts.images, End: facts.images };
+    if (zoom.key(event)) return;
+    if (event.key === "m" || event.key === "M") saveMask(event.key === "m" ? "visible" : "amodal").catch(syntable.fail);
+    else if (event.key === "Escape") {
+      if (chosen()) choose(chosen());
+      else if (zoom.isZoomed()) zoom.reset();
+      else by("gallery").click();
+    } else if (event.key in steps && !event.shiftKey) {
+      event.preventDefault();
+      go(step(steps[event.key]));
+    }
   });
   addEventListener("hashchange", () => {
     follow();
