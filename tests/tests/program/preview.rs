@@ -325,7 +325,7 @@ fn the_page_follows_what_is_saved() {
     let address = Address::of(&watching.said);
     let (head, page) = address.get("/", "GET");
     assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/html"), "{head}");
-    assert!(String::from_utf8_lossy(&page).contains("<img id=\"sheet\""));
+    assert!(String::from_utf8_lossy(&page).contains("id=\"grid\""));
     assert!(address.get("/other", "GET").0.starts_with("HTTP/1.1 404"));
     // Requests without the token are refused.
     for path in ["/", "/state.json", "/sheet.png", "/changes"] {
@@ -335,6 +335,21 @@ fn the_page_follows_what_is_saved() {
     let _ = watching.made();
     let made = state(&address);
     assert_eq!([&made["status"], &made["mistakes"], &made["title"]], ["2 images", "", "quickstart"]);
+    let key = made["cells"][1]["shot"]["key"].as_str().expect("a key").to_owned();
+    let (head, color) = address.get(&format!("/shot/{key}/color.png"), "GET");
+    let color = image::load_from_memory(&color).unwrap_or_else(|error| panic!("{head}: {error}")).to_rgb8();
+    // The page and the sheet show the same pixels.
+    let sheet = image(&watching.out);
+    assert_eq!(color, image::imageops::crop_imm(&sheet, 6 + 48 + 6, 21, 48, 36).to_image());
+    let (_, labels) = address.get(&format!("/shot/{key}/labels.json"), "GET");
+    let labels: Value = serde_json::from_slice(&labels).expect("JSON");
+    let visible = labels["objects"].as_array().expect("a list").iter().filter(|it| it["visible"].is_string()).count();
+    assert_eq!(made["cells"][1]["shot"]["objects"], visible);
+    for (file, is_there) in [("depth.png", true), ("normal.png", true), ("other.png", false), ("../state.json", false)]
+    {
+        let (head, _) = address.get(&format!("/shot/{key}/{file}"), "GET");
+        assert_eq!(head.starts_with("HTTP/1.1 200"), is_there, "{file}: {head}");
+    }
     let (head, png) = address.get("/sheet.png", "GET");
     assert!(head.contains("image/png") && png == fs::read(&watching.out).expect("a sheet"), "{head}");
 
@@ -345,7 +360,9 @@ fn the_page_follows_what_is_saved() {
     let (_, news) = address.get(&format!("/changes?after={version}"), "GET");
     assert_eq!(String::from_utf8_lossy(&news), format!("{{\"version\":{}}}", version + 1));
     let checked = fails(syntable().arg("check").arg(&watching.recipe), 2);
-    assert_eq!(state(&address)["mistakes"].as_str().map(str::trim), Some(checked.trim()));
+    let mistaken = state(&address);
+    assert_eq!(mistaken["mistakes"].as_str().map(str::trim), Some(checked.trim()));
+    assert_eq!(mistaken["cells"], made["cells"], "the last images are gone");
     let page = String::from_utf8_lossy(&address.get("/", "GET").1).into_owned();
     assert!(page.contains("&lt;guidde&gt;") && !page.contains("<guidde>"), "{page}");
 
@@ -361,21 +378,33 @@ fn a_browser_shows_a_save_without_being_reloaded() {
     if crate::support::browser::program().is_none() {
         return crate::support::skip("chromium");
     }
-    let watching = Watching::start(&["--serve"]);
+    // Small at final quality, too.
+    let watching =
+        Watching::start(&["--serve", "--set", "camera.resolution=[96, 72]", "--set", "render.samples_per_pixel=2"]);
     let _ = watching.made();
     let address = Address::of(&watching.said);
-    let first = state(&address)["version"].as_u64().expect("a version");
+    let cells = state(&address)["cells"].as_array().expect("views").clone();
+    let key = |cell: &Value| cell["shot"]["key"].as_str().expect("a key").to_owned();
+    let first: Vec<String> = cells.iter().map(|cell| format!("shot/{}/color.png", key(cell))).collect();
     let folder = tempfile::tempdir().expect("a folder");
     let loaded = folder.path().join("loaded");
-    // The page shows the first sheet, then the sheet after the save.
-    let script = "const by = (id) => document.getElementById(id), wait = async (is) => { for (let i = 0; i < 1000; i++) { \
+    // The page dims the images on a mistake, then shows new ones of another seed, and one at final quality.
+    let script = "const by = (id) => document.getElementById(id), wait = async (is) => { for (let i = 0; i < 4000; i++) { \
          if (is()) return; await new Promise((done) => setTimeout(done, 50)); } throw new Error(`not: ${is}`); };
-         const sheet = () => [by('sheet').getAttribute('src'), by('sheet').naturalWidth > 0, by('sheet').alt, by('status').textContent];
-         await wait(() => by('sheet').complete);
-         const before = sheet();
-         await wait(() => sheet()[0] !== before[0] && sheet()[3] === '2 images');
-         const after = sheet();
-         return { before, after };";
+         const images = () => [...document.querySelectorAll('#grid img')].map((it) => it.getAttribute('src'));
+         const opacity = () => Number(getComputedStyle(document.querySelector('#grid img')).opacity);
+         await wait(() => !by('mistakes').hidden && images().length === 2 && images().every(Boolean) && opacity() < 0.5);
+         const mistaken = [images(), by('mistakes').textContent.includes('guidde')];
+         document.querySelector('[data-switch=visible]').click();
+         await wait(() => document.querySelectorAll('#grid path').length > 2);
+         by('seed-next').click();
+         await wait(() => by('mistakes').hidden && by('status').textContent === '2 images' && by('seed').value === '8'
+             && images().every((it) => it && !mistaken[0].includes(it)) && opacity() === 1);
+         document.querySelector('#grid button').click();
+         await wait(() => by('large').dataset.final && by('image').src.includes(by('large').dataset.final) && by('image').naturalWidth > 48);
+         const large = [by('image').naturalWidth, by('large-status').textContent.startsWith('final quality'), location.hash];
+         by('close').click();
+         return { mistaken, large, hash: location.hash, open: by('large').open };";
     let mut job = crate::support::browser::job(&watching.said, script);
     job["loaded"] = loaded.display().to_string().into();
     let page = std::thread::spawn(move || crate::support::browser::look(&[job]));
@@ -383,19 +412,14 @@ fn a_browser_shows_a_save_without_being_reloaded() {
     while !loaded.exists() && start.elapsed() < PATIENCE {
         std::thread::sleep(Duration::from_millis(20));
     }
-    watching.save(&with("radius = { of_table = [0.8, 1.36] }", "radius = { of_table = [0.7, 0.8] }"));
-    let _ = watching.made();
-    let last = state(&address)["version"].as_u64().expect("a version");
-    assert!(last > first);
+    watching.save(&with("kind = \"guided\"", "kind = \"guidde\""));
+    while state(&address)["choice"]["seed"] != 8 && start.elapsed() < PATIENCE {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    watching.save(&with("", ""));
     let found = page.join().expect("the page is quiet").expect("a browser").remove(0);
-    let sheet = |version: u64| {
-        serde_json::json!([
-            format!("sheet.png?version={version}"),
-            true,
-            "1 scene of 2 views each; rows are scenes, columns are views",
-            "2 images"
-        ])
-    };
-    assert_eq!((&found["before"], &found["after"]), (&sheet(first), &sheet(last)));
+    assert_eq!(found["mistaken"], serde_json::json!([first, true]));
+    assert_eq!(found["large"], serde_json::json!([96, true, "#on=visible&seed=8&large=0.0"]));
+    assert_eq!([&found["hash"], &found["open"]], [&Value::from("#on=visible&seed=8"), &Value::from(false)]);
     assert_eq!(watching.end(), Some(0));
 }

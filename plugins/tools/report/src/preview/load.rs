@@ -1,7 +1,8 @@
 //! Loads a recipe with a preview's changes: few samples, denoised, with the displayed products.
 
-use super::sheet;
+use super::choice::Choice;
 use super::watch::WatchedFiles;
+use super::{sheet, shot};
 use std::borrow::Cow;
 use std::cell::RefCell;
 use std::path::Path;
@@ -9,6 +10,7 @@ use std::time::SystemTime;
 use syntable_model::context::Log;
 use syntable_model::error::Error;
 use syntable_model::registry::{Registry, Slot};
+use syntable_model::stage::Input;
 use syntable_recipe::message::Message;
 use syntable_recipe::{Diagnostic, Overrides, Recipe, RecipeRequest};
 use syntable_runtime::check::load_naming_all;
@@ -27,10 +29,21 @@ pub struct Wishes {
     pub samples: u32,
     /// Whether labels are shown next to the images.
     pub labels: bool,
+    /// Whether a page shows the views with all labels that the recipe can provide.
+    pub page: bool,
     /// Whether to load native libraries that the recipe names by a relative path.
     pub allow_libraries: bool,
     /// Wording of messages on the sheet and the page.
     pub wording: Wording,
+}
+
+/// How a preview renders.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quality {
+    /// With few samples, denoised.
+    Quick,
+    /// As the recipe states.
+    Final,
 }
 
 /// Adapts a message of the library to its readers: a command line prints flags for options.
@@ -42,17 +55,32 @@ pub struct LoadedRecipe {
     pub recipe: Result<(Recipe, Vec<Diagnostic>), Vec<Message>>,
     /// The recipe's files, as they were read.
     pub files: WatchedFiles,
+    /// Names of the displayed products.
+    pub products: Vec<String>,
 }
 
 impl Wishes {
-    /// Loads the recipe.
-    pub fn load(&self, registry: &Registry, log: &dyn Log) -> LoadedRecipe {
+    /// Loads the recipe with the choice of the page's user.
+    pub fn load(&self, registry: &Registry, choice: &Choice, quality: Quality, log: &dyn Log) -> LoadedRecipe {
         let since = SystemTime::now();
-        let mut loaded = self.load_with(registry, Vec::new(), log);
+        let needed = sheet::inputs(self.labels);
+        let load = |inputs: &[Input], more: &[(String, String)]| self.load_with(registry, choice, inputs, more, log);
+        let mut inputs = needed.clone();
+        let mut loaded = if self.page {
+            shot::groups().into_iter().for_each(|group| extend(&mut inputs, group));
+            let all = load(&inputs, &[]);
+            let basic = if all.recipe.is_err() { load(&needed, &[]) } else { all };
+            if basic.recipe.is_ok() && basic.products.len() < inputs.len() {
+                inputs = self.provided(needed, &load);
+            }
+            basic
+        } else {
+            load(&inputs, &[])
+        };
         if let Ok((recipe, _)) = &loaded.recipe {
-            let more = self.changes(registry, recipe);
-            if !more.is_empty() {
-                loaded = self.load_with(registry, more, log);
+            let more = self.changes(registry, recipe, choice, quality);
+            if !more.is_empty() || loaded.products.len() < inputs.len() {
+                loaded = load(&inputs, &more);
             }
         }
         if let Ok((recipe, _)) = &loaded.recipe {
@@ -64,11 +92,34 @@ impl Wishes {
         loaded
     }
 
-    /// Changes that make a valid recipe fast, in the form of `--set`. Renderers without samples stay unchanged.
-    fn changes(&self, registry: &Registry, recipe: &Recipe) -> Vec<(String, String)> {
+    /// The needed inputs, and the groups of inputs for the page that the recipe can provide.
+    fn provided(&self, needed: Vec<Input>, load: &dyn Fn(&[Input], &[(String, String)]) -> LoadedRecipe) -> Vec<Input> {
+        shot::groups().into_iter().fold(needed, |inputs, group| {
+            let mut more = inputs.clone();
+            extend(&mut more, group);
+            if load(&more, &[]).recipe.is_ok() { more } else { inputs }
+        })
+    }
+
+    /// Changes to a valid recipe, in the form of `--set`: chosen scenes beyond its last one and, for quick images, few
+    /// samples. Renderers without samples stay unchanged.
+    fn changes(
+        &self,
+        registry: &Registry,
+        recipe: &Recipe,
+        choice: &Choice,
+        quality: Quality,
+    ) -> Vec<(String, String)> {
+        let mut changes = Vec::new();
+        let end = choice.scenes(&(0..recipe.dataset.scenes)).map_or(0, |scenes| scenes.end);
+        if end > recipe.dataset.scenes {
+            changes.push(("dataset.scenes".to_owned(), end.to_string()));
+        }
+        if quality == Quality::Final {
+            return changes;
+        }
         let resolved: toml::Table = recipe.resolved.parse().unwrap_or_default();
         let option = |slot: Slot, option: &str| resolved.get(slot.name()).and_then(|table| table.get(option));
-        let mut changes = Vec::new();
         let samples = option(Slot::Render, "samples_per_pixel").and_then(toml::Value::as_integer);
         if samples.is_some_and(|samples| samples > i64::from(self.samples)) {
             changes.push(("render.samples_per_pixel".to_owned(), self.samples.to_string()));
@@ -80,20 +131,33 @@ impl Wishes {
         changes
     }
 
-    fn load_with(&self, registry: &Registry, more: Vec<(String, String)>, log: &dyn Log) -> LoadedRecipe {
+    fn load_with(
+        &self,
+        registry: &Registry,
+        choice: &Choice,
+        inputs: &[Input],
+        more: &[(String, String)],
+        log: &dyn Log,
+    ) -> LoadedRecipe {
         let files = RefCell::new(WatchedFiles::default());
+        let products = inputs.iter().map(|input| input.product.clone()).collect();
         if let Some(path) = &self.recipe.recipe {
             files.borrow_mut().expect(path);
         }
-        let (source, mut base) = match self.recipe.read() {
+        let request = RecipeRequest {
+            seed: choice.seed.or(self.recipe.seed),
+            views: choice.views.or(self.recipe.views),
+            ..self.recipe.clone()
+        };
+        let (source, mut base) = match request.read() {
             Ok(read) => read,
-            Err(error) => return LoadedRecipe { recipe: Err(of_error(error)), files: files.into_inner() },
+            Err(error) => return LoadedRecipe { recipe: Err(of_error(error)), files: files.into_inner(), products },
         };
         if let Some(path) = &source.path {
             files.borrow_mut().read(path, source.text.as_bytes());
         }
-        base.set.extend(more);
-        base.wanted = sheet::inputs(self.labels);
+        base.set.extend(more.iter().cloned());
+        base.wanted = inputs.to_vec();
         let read = |path: &Path| {
             let text = (base.read)(path);
             match &text {
@@ -104,7 +168,16 @@ impl Wishes {
         };
         let overrides = Overrides { read: &read, ..base };
         let recipe = load_naming_all(registry, source, overrides.for_run(), log);
-        LoadedRecipe { recipe: recipe.map_err(|report| report.messages()), files: files.into_inner() }
+        LoadedRecipe { recipe: recipe.map_err(|report| report.messages()), files: files.into_inner(), products }
+    }
+}
+
+/// Adds the inputs of other products.
+fn extend(inputs: &mut Vec<Input>, others: Vec<Input>) {
+    for other in others {
+        if inputs.iter().all(|input| input.product != other.product) {
+            inputs.push(other);
+        }
     }
 }
 

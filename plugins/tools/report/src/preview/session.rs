@@ -87,7 +87,7 @@ impl<'a> Preview<'a> {
             let error = Error::new("the output file exists and is not a preview sheet").in_file(out);
             return Err(error.help("choose another file with `options.out`, or remove this one").of_request());
         }
-        let wishes = Wishes { recipe, samples, labels, allow_libraries, wording };
+        let wishes = Wishes { recipe, samples, labels, page: serve.is_some(), allow_libraries, wording };
         let studio = PreviewStudio::new(reporter, registry, (wishes, scenes, width), threads)?;
         let page = serve.map(Server::bind).transpose()?.map(|server| (server, PreviewPage::default()));
         Ok(Self { studio, out, page })
@@ -132,10 +132,11 @@ impl<'a> Preview<'a> {
             let _end = End(stop);
             scope.spawn(|| watch.run(stop));
             if let Some((server, page)) = page {
-                scope.spawn(|| server.run(stop, &page.changes, &|request| page.answer(request)));
+                scope.spawn(|| server.run(stop, &page.changes, &|request| page.answer(request, &watch)));
             }
             while !stop.is_requested() {
                 let work = watch.begin();
+                page.into_iter().for_each(|(_, page)| studio.choose(page.choice()));
                 let ended = studio.pass(&watch, &work, &mut show)?;
                 watch.wait((ended == PassEnd::Mistaken).then_some(AGAIN), stop);
             }

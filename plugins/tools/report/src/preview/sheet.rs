@@ -1,5 +1,6 @@
 //! The contact sheet: a row per scene, a column per view, with captions. A cell without an image states the reason.
 
+use super::shot::Shot;
 use super::text::{self, CHARACTER, LINE};
 use std::sync::Arc;
 use syntable_formats::draw::{self, DrawColor};
@@ -17,6 +18,11 @@ const PADDING: u32 = 6;
 const COLUMNS: usize = 120;
 /// Maximum number of lines of a text.
 const MAX_LINES: usize = 200;
+
+/// Width of a sheet below which it has no legend, px: few words would fit.
+const LEGEND_WIDTH: u32 = 40 * CHARACTER;
+/// Edge of a sample of color in the legend, px.
+const SAMPLE: u32 = 9;
 
 /// Text field of the PNG file that identifies a sheet.
 const MARK: (&str, &str) = ("Software", "syntable preview");
@@ -37,12 +43,19 @@ pub enum SheetCell {
     /// An image, current or outdated.
     Image {
         /// The image, with its labels next to it.
-        image: Arc<Plane<DrawColor>>,
+        image: Arc<Shot>,
         /// Whether all inputs of the image are unchanged.
         is_current: bool,
     },
     /// The reason for a missing image.
     Failed(String),
+}
+
+impl SheetCell {
+    /// Whether it has an image of the current recipe.
+    pub fn is_current(&self) -> bool {
+        matches!(self, Self::Image { is_current: true, .. })
+    }
 }
 
 /// Views of scenes.
@@ -56,6 +69,67 @@ pub struct Sheet {
     pub cells: Vec<SheetCell>,
     /// Size of a cell as long as no image is known, px.
     pub expected: [u32; 2],
+    /// Whether labels are next to the images.
+    pub labels: bool,
+}
+
+/// Sample of color before a text of the legend.
+#[derive(Clone, Copy, PartialEq)]
+enum LegendSample {
+    None,
+    Filled,
+    Outlined,
+}
+
+/// The legend of a sheet: what its rows, columns and colors mean.
+fn legend(labels: bool) -> Vec<(LegendSample, &'static str)> {
+    let mut items = vec![(LegendSample::None, "A row is a scene, a column is a view.")];
+    if labels {
+        items.extend([
+            (LegendSample::None, "Left: the image."),
+            (LegendSample::Filled, "Middle: visible masks by object."),
+            (LegendSample::Outlined, "Right: amodal outlines;"),
+            (LegendSample::Filled, "filled: occluded parts."),
+        ]);
+    }
+    items
+}
+
+/// Lines of the legend that fit into a width, each with the left edges of its texts. Empty on a narrow sheet.
+fn legend_lines(labels: bool, width: u32) -> Vec<Vec<(u32, LegendSample, &'static str)>> {
+    let mut lines: Vec<Vec<(u32, LegendSample, &'static str)>> = Vec::new();
+    if width < LEGEND_WIDTH {
+        return lines;
+    }
+    let mut x = width;
+    for (sample, text) in legend(labels) {
+        let before = if sample == LegendSample::None { 0 } else { SAMPLE + PADDING };
+        let needed = before + text.len() as u32 * CHARACTER;
+        if x + needed + GAP > width {
+            lines.push(Vec::new());
+            x = GAP;
+        }
+        lines.last_mut().into_iter().for_each(|line| line.push((x, sample, text)));
+        x += needed + 2 * CHARACTER;
+    }
+    lines
+}
+
+/// Draws a line of the legend.
+fn put_legend(sheet: &mut Plane<DrawColor>, line: &[(u32, LegendSample, &str)], y: u32) {
+    for &(x, sample, words) in line {
+        let mut left = x;
+        if sample != LegendSample::None {
+            let is_edge = |at: u32| at == 0 || at == SAMPLE - 1;
+            let color = draw::color(InstanceId(1));
+            let panel = Plane::from_fn(SAMPLE, SAMPLE, |i, j| {
+                if sample == LegendSample::Filled || is_edge(i) || is_edge(j) { color } else { BACKGROUND }
+            });
+            draw::paste(sheet, &panel, x, y + (LINE - SAMPLE) / 2);
+            left += SAMPLE + PADDING;
+        }
+        text::draw(sheet, words, [left, y], CAPTION);
+    }
 }
 
 /// Products that cells are drawn from.
@@ -85,8 +159,8 @@ impl Sheet {
     pub fn draw(&self) -> Plane<DrawColor> {
         let columns = self.views.len().max(1);
         let size = |cell: &SheetCell| match cell {
-            SheetCell::Image { image, .. } => [image.width(), image.height()],
-            _ => self.images().next().map_or(self.expected, |image| [image.width(), image.height()]),
+            SheetCell::Image { image, .. } => [image.cell.width(), image.cell.height()],
+            _ => self.images().next().map_or(self.expected, |image| [image.cell.width(), image.cell.height()]),
         };
         let sizes: Vec<[u32; 2]> = self.cells.iter().map(size).collect();
         let largest = |sizes: &mut dyn Iterator<Item = &[u32; 2]>, axis: usize| sizes.map(|size| size[axis]).max();
@@ -94,7 +168,10 @@ impl Sheet {
             (0..columns).map(|x| largest(&mut sizes.iter().skip(x).step_by(columns), 0).unwrap_or(0)).collect();
         let heights: Vec<u32> = sizes.chunks(columns).map(|row| largest(&mut row.iter(), 1).unwrap_or(0)).collect();
         let whole = |sizes: &[u32], more: u32| sizes.iter().map(|size| size + more + GAP).sum::<u32>() + GAP;
-        let mut sheet = Plane::from_fn(whole(&widths, 0), whole(&heights, LINE), |_, _| BACKGROUND);
+        let width = whole(&widths, 0);
+        let legend = legend_lines(self.labels, width);
+        let below = if legend.is_empty() { 0 } else { legend.len() as u32 * LINE + GAP };
+        let mut sheet = Plane::from_fn(width, whole(&heights, LINE) + below, |_, _| BACKGROUND);
         let mut y = GAP;
         for (row, height) in heights.iter().enumerate() {
             let mut x = GAP;
@@ -108,10 +185,14 @@ impl Sheet {
             }
             y += height + LINE + GAP;
         }
+        for line in &legend {
+            put_legend(&mut sheet, line, y);
+            y += LINE;
+        }
         sheet
     }
 
-    fn images(&self) -> impl Iterator<Item = &Arc<Plane<DrawColor>>> {
+    fn images(&self) -> impl Iterator<Item = &Arc<Shot>> {
         self.cells.iter().filter_map(|cell| match cell {
             SheetCell::Image { image, .. } => Some(image),
             _ => None,
@@ -133,8 +214,10 @@ fn put(sheet: &mut Plane<DrawColor>, cell: &SheetCell, caption: &str, [x, y]: [u
     }
     let below = y + LINE;
     match cell {
-        SheetCell::Image { image, is_current: true } => draw::paste(sheet, image, x, below),
-        SheetCell::Image { image, .. } => draw::paste(sheet, &image.map(|pixel| pixel.map(|v| v / 2 + 12)), x, below),
+        SheetCell::Image { image, is_current: true } => draw::paste(sheet, &image.cell, x, below),
+        SheetCell::Image { image, .. } => {
+            draw::paste(sheet, &image.cell.map(|pixel| pixel.map(|v| v / 2 + 12)), x, below);
+        }
         SheetCell::Waiting => draw::paste(sheet, &Plane::from_fn(width, height, |_, _| EMPTY), x, below),
         SheetCell::Failed(reason) => {
             let columns = width.saturating_sub(2 * PADDING) / CHARACTER;
@@ -183,12 +266,12 @@ mod tests {
     use super::*;
 
     fn sheet(cells: Vec<SheetCell>) -> Sheet {
-        Sheet { scenes: vec![0, 1], views: vec![0, 1], cells, expected: [80, 60] }
+        Sheet { scenes: vec![0, 1], views: vec![0, 1], cells, expected: [80, 60], labels: false }
     }
 
     fn image(width: u32, height: u32, value: u8) -> SheetCell {
-        let image = Arc::new(Plane::from_fn(width, height, |_, _| [value; 3]));
-        SheetCell::Image { image, is_current: true }
+        let cell = Plane::from_fn(width, height, |_, _| [value; 3]);
+        SheetCell::Image { image: Arc::new(Shot { cell, details: None }), is_current: true }
     }
 
     #[test]
@@ -219,6 +302,31 @@ mod tests {
         // No text extends beyond the cell.
         let right = (0..drawn.height()).filter(|&y| *drawn.at(drawn.width() - GAP, y) == MISTAKE).count();
         assert_eq!(right, 0);
+    }
+
+    #[test]
+    fn a_wide_sheet_explains_its_rows_and_colors() {
+        let of = |width: u32, labels: bool| {
+            let cells = vec![image(width, 40, 200), SheetCell::Waiting];
+            Sheet { scenes: vec![0], views: vec![0, 1], cells, expected: [width, 40], labels }.draw()
+        };
+        let plain = |drawn: &Plane<DrawColor>| drawn.height() - 2 * GAP - LINE - 40;
+        assert_eq!(plain(&of(100, true)), 0);
+        assert_eq!(plain(&of(300, false)), LINE + GAP);
+        // Two or three lines of at most 85 characters.
+        let drawn = of(300, true);
+        assert!(plain(&drawn) > LINE + GAP && plain(&drawn) < 4 * LINE, "{}", plain(&drawn));
+        let color = draw::color(InstanceId(1));
+        let area = 2 * SAMPLE * SAMPLE + 4 * (SAMPLE - 1);
+        assert_eq!(drawn.data().iter().filter(|pixel| **pixel == color).count() as u32, area);
+        // No text is cut at the right edge.
+        for width in 140..700 {
+            for line in legend_lines(true, width * 2) {
+                let (x, sample, words) = line.last().copied().expect("a text");
+                let before = if sample == LegendSample::None { 0 } else { SAMPLE + PADDING };
+                assert!(x + before + words.len() as u32 * CHARACTER + GAP <= width * 2, "{width}: {words}");
+            }
+        }
     }
 
     #[test]

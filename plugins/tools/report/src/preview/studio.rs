@@ -1,18 +1,19 @@
 //! Renders the changes of a recipe, image by image, and keeps unchanged images.
 
-use super::load::{self, LoadedRecipe, Wishes, Wording};
-use super::sheet::{self, Sheet, SheetCell};
+use super::choice::Choice;
+use super::load::{self, LoadedRecipe, Quality, Wishes, Wording};
+use super::sheet::{Sheet, SheetCell};
+use super::shot::Shot;
 use super::watch::{Watch, WatchedFiles};
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
-use syntable_formats::draw::DrawColor;
 use syntable_model::context::{Collected, Log};
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
-use syntable_model::product::Plane;
 use syntable_model::registry::Registry;
+use syntable_model::stage::DatasetInfo;
 use syntable_recipe::Recipe;
 use syntable_recipe::message::{Level, Message};
 use syntable_runtime::cache::DiskCache;
@@ -51,6 +52,21 @@ pub struct News<'a> {
     pub warnings: &'a [String],
     /// Whether more output follows.
     pub is_busy: bool,
+    /// Seed of the recipe.
+    pub seed: u64,
+    /// Numbers of scenes and of views per scene in the recipe.
+    pub size: [u32; 2],
+    /// The view that is open, at final quality.
+    pub large: Option<&'a LargeView>,
+}
+
+/// A view at final quality.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LargeView {
+    /// Its scene and view.
+    pub place: [u32; 2],
+    /// Its progress.
+    pub cell: SheetCell,
 }
 
 /// How a pass ended.
@@ -84,25 +100,29 @@ pub struct PreviewStudio<'a> {
     /// The last errors that were shown.
     told: Option<String>,
     name: String,
+    seed: u64,
+    size: [u32; 2],
+    choice: Choice,
+    large: Option<LargeView>,
 }
 
 /// Images by the digest of their inputs, the oldest first.
 #[derive(Default)]
 struct ImageCache {
-    all: BTreeMap<Digest, Arc<Plane<DrawColor>>>,
+    all: BTreeMap<Digest, Arc<Shot>>,
     order: VecDeque<Digest>,
 }
 
 impl ImageCache {
-    fn add(&mut self, key: Digest, image: Arc<Plane<DrawColor>>, most: usize) {
+    fn add(&mut self, key: Digest, image: Arc<Shot>, most: usize) {
         if self.all.insert(key, image).is_none() {
             self.order.push_back(key);
         }
-        let mut pixels: usize = self.all.values().map(|image| image.data().len()).sum();
+        let mut pixels: usize = self.all.values().map(|image| image.pixels()).sum();
         // The sheet holds its images independently of this cache.
         while self.order.len() > 1 && (self.order.len() > most || pixels > KEPT_PIXELS) {
             let oldest = self.order.pop_front().and_then(|oldest| self.all.remove(&oldest));
-            pixels -= oldest.map_or(0, |image| image.data().len());
+            pixels -= oldest.map_or(0, |image| image.pixels());
         }
     }
 
@@ -133,7 +153,16 @@ impl<'a> PreviewStudio<'a> {
             files: WatchedFiles::default(),
             told: None,
             name: String::new(),
+            seed: 0,
+            size: [0; 2],
+            choice: Choice::default(),
+            large: None,
         })
+    }
+
+    /// Sets what the next pass shows.
+    pub fn choose(&mut self, choice: Choice) {
+        self.choice = choice;
     }
 
     /// Loads the recipe and renders its changes. Calls `show` for every new output; an error of `show` ends the pass.
@@ -145,7 +174,7 @@ impl<'a> PreviewStudio<'a> {
             Ok(views) => views,
             Err(messages) => return self.mistaken(&messages, show),
         };
-        let made = match self.draw(&views, &said, stop, show) {
+        let made = match self.draw_all(&views, &said, stop, show) {
             Ok(made) => made,
             Err(PassError::Recipe(error)) => return self.mistaken(&load::of_error(error), show),
             Err(PassError::Output(error)) => return Err(error),
@@ -162,7 +191,8 @@ impl<'a> PreviewStudio<'a> {
     /// Loads the recipe and passes it to the previewer. Errors are the recipe's errors, after its warnings.
     fn prepare(&mut self, watch: &Watch, said: &WarningRecorder) -> std::result::Result<ShownViews, Vec<Message>> {
         let doubts = Collected::default();
-        let LoadedRecipe { recipe, mut files } = self.wishes.load(self.registry, &doubts);
+        let LoadedRecipe { recipe, mut files, products } =
+            self.wishes.load(self.registry, &self.choice, Quality::Quick, &doubts);
         let doubts: Vec<Message> = doubts.merged().into_iter().map(Message::Warning).collect();
         if recipe.is_err() {
             files.add_all(&self.files);
@@ -170,8 +200,10 @@ impl<'a> PreviewStudio<'a> {
         self.files = files.clone();
         watch.set(files);
         let (recipe, warnings) = recipe.map_err(|messages| [doubts.clone(), messages].concat())?;
-        let views = ShownViews::of(&recipe, self).map_err(load::of_error)?;
+        let views = ShownViews::of(&recipe, self, products).map_err(load::of_error)?;
         self.name.clone_from(&recipe.dataset.name);
+        self.seed = recipe.dataset.seed;
+        self.size = [recipe.dataset.scenes, recipe.dataset.views_per_scene];
         for warning in doubts.into_iter().chain(warnings.into_iter().map(Message::Diagnostic)) {
             self.reporter.message(&warning);
             said.remember(&warning);
@@ -181,17 +213,97 @@ impl<'a> PreviewStudio<'a> {
         Ok(views)
     }
 
-    /// Renders the missing images of a sheet.
-    fn draw(
+    /// Renders the missing images of a sheet. The view that is open comes first, and then at final quality.
+    fn draw_all(
         &mut self,
         views: &ShownViews,
         said: &WarningRecorder,
         stop: &Stop,
         show: &mut dyn FnMut(&News) -> Result<()>,
     ) -> std::result::Result<DrawnImages, PassError> {
+        let place = self.choice.large.filter(|[scene, view]| views.all().any(|place| place == (*scene, *view)));
+        let before = self.large.take();
+        let Some(place) = place else { return self.draw(views, None, said, stop, show) };
+        let outdated = |cell: SheetCell| match cell {
+            SheetCell::Image { image, .. } => SheetCell::Image { image, is_current: false },
+            _ => SheetCell::Waiting,
+        };
+        let cell = before.filter(|before| before.place == place).map_or(SheetCell::Waiting, |it| outdated(it.cell));
+        self.large = Some(LargeView { place, cell });
+        let mut made = self.draw(views, Some(place), said, stop, show)?;
+        if !stop.is_requested() {
+            made.is_lossy |= self.enlarge(place, said, stop)?;
+        }
+        if stop.is_requested() {
+            return Ok(made);
+        }
+        let quick = self.wishes.load(self.registry, &self.choice, Quality::Quick, &Collected::default());
+        let recipe = quick.recipe.map_err(|_| PassError::Recipe(Error::new("the recipe changed while it was read")))?;
+        self.previewer.set(recipe.0).map_err(PassError::Recipe)?;
+        let others = self.draw(views, None, said, stop, show)?;
+        Ok(DrawnImages {
+            images: made.images + others.images,
+            failed_scenes: made.failed_scenes + others.failed_scenes,
+            is_lossy: made.is_lossy || others.is_lossy,
+        })
+    }
+
+    /// Renders the view that is open at final quality. Returns whether stages omitted something from it.
+    fn enlarge(
+        &mut self,
+        [scene, view]: [u32; 2],
+        said: &WarningRecorder,
+        stop: &Stop,
+    ) -> std::result::Result<bool, PassError> {
         let log = Warnings(said);
-        let products = sheet::inputs(self.wishes.labels).into_iter().map(|input| input.product).collect();
-        let wanted = Wanted { products, width: self.width, allow_libraries: self.wishes.allow_libraries };
+        let LoadedRecipe { recipe, products, .. } =
+            self.wishes.load(self.registry, &self.choice, Quality::Final, &Collected::default());
+        // The quick recipe has no errors, so a save has just changed it; the next pass shows the new errors.
+        let Ok((recipe, _)) = recipe else { return Ok(false) };
+        let info = recipe.dataset_info();
+        self.previewer.set(recipe).map_err(PassError::Recipe)?;
+        let wanted = Wanted { products, width: u32::MAX, allow_libraries: self.wishes.allow_libraries };
+        let mut pass = self.previewer.pass(&wanted, said, &log, stop).map_err(PassError::Recipe)?;
+        let key = pass.key(scene, view);
+        let mut cell = self.images.all.get(&key).map(|image| Ok(Arc::clone(image)));
+        if cell.is_none() {
+            let made = pass.scene(scene, &[view], &mut |_, products, time| {
+                cell = Some(Shot::of(products, false, &info, Some((&key, time))).map(Arc::new));
+            });
+            if let Err(error) = made {
+                cell = Some(Err(error));
+            }
+        }
+        let is_lossy = !pass.end().is_empty();
+        let cell = match cell {
+            Some(Ok(image)) => {
+                self.images.add(key, Arc::clone(&image), KEPT);
+                SheetCell::Image { image, is_current: true }
+            }
+            Some(Err(error)) => SheetCell::Failed((self.wishes.wording)(&error.to_string()).into_owned()),
+            None => SheetCell::Waiting,
+        };
+        if let Some(large) = self.large.as_mut().filter(|_| !stop.is_requested()) {
+            large.cell = cell;
+        }
+        Ok(is_lossy)
+    }
+
+    /// Renders the missing images of a sheet; with `only`, the image of one view.
+    fn draw(
+        &mut self,
+        views: &ShownViews,
+        only: Option<[u32; 2]>,
+        said: &WarningRecorder,
+        stop: &Stop,
+        show: &mut dyn FnMut(&News) -> Result<()>,
+    ) -> std::result::Result<DrawnImages, PassError> {
+        let log = Warnings(said);
+        let wanted = Wanted {
+            products: views.products.clone(),
+            width: self.width,
+            allow_libraries: self.wishes.allow_libraries,
+        };
         let mut pass = self.previewer.pass(&wanted, said, &log, stop).map_err(PassError::Recipe)?;
         self.told = None;
         let keys: Vec<Digest> = views.all().map(|(scene, view)| pass.key(scene, view)).collect();
@@ -201,25 +313,32 @@ impl<'a> PreviewStudio<'a> {
             None => outdated(before.as_ref(), place),
         });
         let (scenes, columns, expected) = (views.scenes.clone(), views.views.clone(), views.expected);
-        let sheet = Sheet { cells: cells.collect(), scenes, views: columns, expected };
-        let todo = views.missing(&sheet);
+        let sheet = Sheet { cells: cells.collect(), scenes, views: columns, expected, labels: self.wishes.labels };
+        let mut todo = views.missing(&sheet);
+        if let Some([scene, view]) = only {
+            todo.retain(|(other, _)| *other == scene);
+            todo.iter_mut().for_each(|(_, views)| views.retain(|other| *other == view));
+        }
         let is_busy = todo.iter().any(|(_, views)| !views.is_empty());
         let mut shown = StudioOutput::Sheet(sheet);
-        let (images, name) = (&mut self.images, self.name.as_str());
+        let (images, name, large) = (&mut self.images, self.name.as_str(), self.large.as_ref());
+        let (seed, size) = (self.seed, self.size);
         let mut tell = |shown: &StudioOutput, is_busy: bool| {
             let warnings = said.warnings.lock().clone();
-            show(&News { shown, name, warnings: &warnings, is_busy })
+            show(&News { shown, name, warnings: &warnings, is_busy, seed, size, large })
         };
         // Cached images are shown at once, and missing ones as waiting.
-        let mut result = tell(&shown, is_busy);
+        let mut result = tell(&shown, is_busy || only.is_some());
         let mut made = DrawnImages::default();
         for (scene, missing) in todo.iter().filter(|(_, views)| !views.is_empty()) {
             if result.is_err() || stop.is_requested() {
                 break;
             }
-            let done = pass.scene(*scene, missing, &mut |view, products| {
-                let drawn = sheet::cell(products, self.wishes.labels).and_then(|image| {
-                    let (index, image) = (views.index(*scene, view), Arc::new(image));
+            let done = pass.scene(*scene, missing, &mut |view, products, time| {
+                let index = views.index(*scene, view);
+                let details = self.wishes.page.then_some((&keys[index], time));
+                let drawn = Shot::of(products, self.wishes.labels, &views.info, details).and_then(|image| {
+                    let image = Arc::new(image);
                     images.add(keys[index], Arc::clone(&image), KEPT + keys.len());
                     put(&mut shown, index, SheetCell::Image { image, is_current: true });
                     tell(&shown, true)
@@ -237,14 +356,17 @@ impl<'a> PreviewStudio<'a> {
             }
         }
         if let StudioOutput::Sheet(sheet) = &shown {
-            let left: usize = views.missing(sheet).iter().map(|(_, views)| views.len()).sum();
-            made.images = todo.iter().map(|(_, views)| views.len()).sum::<usize>() - left;
+            let left = |(scene, views_of): &(u32, Vec<u32>)| {
+                let is_left = |view: &&u32| !sheet.cells[views.index(*scene, **view)].is_current();
+                views_of.iter().filter(is_left).count()
+            };
+            made.images = todo.iter().map(|of_scene| of_scene.1.len() - left(of_scene)).sum();
         }
         let losses = pass.end();
         losses.iter().for_each(|loss| log.warn(&loss.warning()));
         made.is_lossy = !losses.is_empty();
         if result.is_ok() && !stop.is_requested() && is_busy {
-            result = tell(&shown, false);
+            result = tell(&shown, only.is_some());
         }
         if let StudioOutput::Sheet(sheet) = shown {
             self.sheet = Some(sheet);
@@ -258,7 +380,15 @@ impl<'a> PreviewStudio<'a> {
         if self.told.as_ref() != Some(&text) {
             messages.iter().for_each(|message| self.reporter.message(message));
             let shown = StudioOutput::Mistakes(text.clone());
-            show(&News { shown: &shown, name: &self.name, warnings: &[], is_busy: false })?;
+            show(&News {
+                shown: &shown,
+                name: &self.name,
+                warnings: &[],
+                is_busy: false,
+                seed: self.seed,
+                size: self.size,
+                large: self.large.as_ref(),
+            })?;
             self.told = Some(text);
         }
         Ok(PassEnd::Mistaken)
@@ -288,6 +418,9 @@ struct ShownViews {
     views: Vec<u32>,
     /// Width and height of a cell, px, until an image determines them.
     expected: [u32; 2],
+    /// Names of the displayed products.
+    products: Vec<String>,
+    info: DatasetInfo,
 }
 
 impl ShownViews {
@@ -295,13 +428,15 @@ impl ShownViews {
     ///
     /// # Errors
     /// If the sheet would be too large.
-    fn of(recipe: &Recipe, studio: &PreviewStudio) -> Result<Self> {
+    fn of(recipe: &Recipe, studio: &PreviewStudio, products: Vec<String>) -> Result<Self> {
         let dataset = &recipe.dataset;
         let scenes = match studio.scenes {
             Some(scenes) => scenes.within(dataset.scenes)?,
             None => 0..dataset.scenes.min(OF_EACH),
         };
-        let views = 0..studio.wishes.recipe.views.unwrap_or_else(|| dataset.views_per_scene.min(OF_EACH));
+        let scenes = studio.choice.scenes(&scenes).unwrap_or(scenes);
+        let chosen = studio.choice.views.or(studio.wishes.recipe.views);
+        let views = 0..chosen.unwrap_or_else(|| dataset.views_per_scene.min(OF_EACH));
         let cells = scenes.len() * views.len();
         if cells > MAX_CELLS {
             return Err(Error::new(format!("a sheet of {cells} images exceeds the limit of {MAX_CELLS}"))
@@ -315,7 +450,8 @@ impl ShownViews {
                 "lower `options.width`, or show fewer scenes or views with `options.scenes` and `options.views`",
             ));
         }
-        Ok(Self { scenes: scenes.collect(), views: views.collect(), expected })
+        let info = recipe.dataset_info();
+        Ok(Self { scenes: scenes.collect(), views: views.collect(), expected, products, info })
     }
 
     fn len(&self) -> usize {
@@ -334,7 +470,7 @@ impl ShownViews {
 
     /// The views of each scene without a current image.
     fn missing(&self, sheet: &Sheet) -> Vec<(u32, Vec<u32>)> {
-        let is_missing = |cell: &SheetCell| !matches!(cell, SheetCell::Image { is_current: true, .. });
+        let is_missing = |cell: &SheetCell| !cell.is_current();
         let rows = self.scenes.iter().zip(sheet.cells.chunks(self.views.len().max(1)));
         let views = |row: &[SheetCell]| {
             row.iter().zip(&self.views).filter(|(cell, _)| is_missing(cell)).map(|(_, &view)| view).collect()

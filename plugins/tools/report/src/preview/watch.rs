@@ -133,6 +133,14 @@ impl Watch {
         self.state.lock().files = files;
     }
 
+    /// Ends the current work, as a change does.
+    pub fn interrupt(&self) {
+        let mut state = self.state.lock();
+        state.has_changed = true;
+        state.work.cancel();
+        self.told.notify_all();
+    }
+
     /// Waits for a change, at most for the given time. Returns at once if the program must stop.
     pub fn wait(&self, time: Option<Duration>, stop: &Stop) {
         let mut state = self.state.lock();
