@@ -507,7 +507,16 @@ struct WarningRecorder<'a> {
 
 impl WarningRecorder<'_> {
     fn remember(&self, warning: &Message) {
-        self.warnings.lock().push((self.wording)(warning.render(false).trim_end()).into_owned());
+        self.add(warning.render(false).trim_end());
+    }
+
+    /// Records a warning once: the passes of a large view open the same pools again.
+    fn add(&self, warning: &str) {
+        let text = (self.wording)(warning).into_owned();
+        let mut warnings = self.warnings.lock();
+        if !warnings.contains(&text) {
+            warnings.push(text);
+        }
     }
 }
 
@@ -516,7 +525,7 @@ impl Reporter for WarningRecorder<'_> {
         if let Event::Message(record) = event
             && record.level == Level::Warning
         {
-            self.warnings.lock().push((self.wording)(&record.line()).into_owned());
+            self.add(&record.line());
         }
         self.reporter.event(event);
     }
