@@ -11,6 +11,7 @@ pub struct RecipeArgs {
     /// Recipe file, or `builtin:NAME` for a built-in recipe (see `syntable list recipes`). Default:
     /// `builtin:quickstart`.
     pub recipe: Option<PathBuf>,
+    /// The changes.
     #[command(flatten)]
     pub changes: RecipeChanges,
 }

@@ -250,7 +250,7 @@ fn completions_are_fast_in_whole_recipes() {
     assert!(schema < SCHEMA_BYTES as u64, "the schema has {schema} bytes");
     let registry = Registry::linked().expect("no clash");
     let quickstart = Builtin::find("quickstart").expect("a built-in recipe").source();
-    let (recipe, _) = syntable_recipe::load(&registry, quickstart, &Overrides::default()).expect("valid");
+    let (recipe, _) = syntable_recipe::load(&registry, quickstart, &Overrides::of_process(Vec::new())).expect("valid");
     assert!(recipe.resolved.lines().count() >= 150, "{}", recipe.resolved);
     let shipped = BUILTINS.iter().map(|builtin| (builtin.name, builtin.text));
     let recipes: Vec<(&str, &str)> = shipped.chain([("quickstart, resolved", recipe.resolved.as_str())]).collect();

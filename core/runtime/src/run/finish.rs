@@ -36,8 +36,7 @@ pub fn end(
     folder: &Folder,
     journal: Journal,
     resolved: &str,
-    (repair, wanted): (bool, &Range<u32>),
-    told: &BTreeSet<Notice>,
+    (repair, wanted, told): (bool, &Range<u32>, &BTreeSet<Notice>),
 ) -> Result<RunOutcome> {
     let log = &Warnings(reporter);
     let journal = Mutex::new(journal);

@@ -98,7 +98,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     let journal = journal.into_inner();
     let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains_key(scene)).collect();
     let (pool, told) = (Pool::new(threads)?, BTreeSet::new());
-    let outcome = finish::end(&recipe, reporter, &pool, &begun.folder, journal, &resolved, (false, &(0..0)), &told)
+    let outcome = finish::end(&recipe, reporter, &pool, &begun.folder, journal, &resolved, (false, &(0..0), &told))
         .map_err(stopping)?;
     let missing = lacks.len() as u32;
     if missing > 0 {

@@ -59,7 +59,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let MadeScenes { folder, journal, resolved, new, grown, lacking, told } =
         scenes::make(recipe, options, &pool, reporter, begun)?;
     let workers = &Stoppable { workers: &pool, stop: &options.stop };
-    let end = || finish::end(recipe, reporter, workers, &folder, journal, &resolved, (options.repair, &wanted), &told);
+    let end = || finish::end(recipe, reporter, workers, &folder, journal, &resolved, (options.repair, &wanted, &told));
     let outcome = panics::unwound(end).map_err(stopping)?;
     let outcome = RunOutcome { lacking, ..outcome };
     reporter.event(&Event::Finished {

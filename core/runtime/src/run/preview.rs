@@ -259,7 +259,8 @@ impl PassSource<'_> {
             let start = Instant::now();
             let sampled = |id: u32| attempt.view(&frozen, ViewId(id)).map(|view| smaller(view, self.width));
             let view = sampled(id)?;
-            let next = (needs_next && id + 1 < count).then(|| sampled(id + 1)).transpose()?;
+            let after = id + self.recipe.rig.cameras();
+            let next = (needs_next && after < count).then(|| sampled(after)).transpose()?;
             let shown = frozen.at(view.moment);
             let mut products = frames.products(&of_dataset.scene(&shown), view.moment)?;
             if !self.plan.rendered.is_empty() {

@@ -140,7 +140,7 @@ impl SceneFiles<'_> {
         extra: Extra,
     ) -> Result<()> {
         let name = self.rgb.file_name(&view_name(cx.scene_id, cx.view_id));
-        self.image_in(IMAGES, name, products, annotations, extra)
+        self.image_in(IMAGES, &name, products, annotations, extra)
     }
 
     /// Writes the image of a view to `folder` inside the writer's folder. Its record contains `name`, the path relative
@@ -163,7 +163,7 @@ impl SceneFiles<'_> {
         }
         let rgb = products.get(RGB)?;
         let file = RgbFile::of(products, &RgbFormat::ALL, self.rgb)?;
-        let name = file.named(&name);
+        let name = file.named(name);
         self.output.write(&format!("{}/{folder}/{name}", self.output.id()), &file.bytes)?;
         let (width, height) = (rgb.width(), rgb.height());
         let license = Some(License::of_assets().id.into());

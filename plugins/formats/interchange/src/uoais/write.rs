@@ -60,7 +60,7 @@ impl Family for Uoais {
         files.png(&format!("{}/{}", self.split, depth_path(&name)), &depth::image(self.depth, products, cx.log)?)?;
         let labels = MaskChoice::Amodal.shown(cx.log, labels::labels(cx.dataset, products)?);
         let extra = Extra::from_iter([(DEPTH_FILE.to_owned(), depth_path(&name).into())]);
-        files.image_in(&self.split, rgb_path(&self.rgb.file_name(&name)), products, labels.len(), extra)?;
+        files.image_in(&self.split, &rgb_path(&self.rgb.file_name(&name)), products, labels.len(), extra)?;
         labels.iter().try_for_each(|label| files.annotation(&UoaisAnnotation::of(label)))
     }
 }

@@ -3,7 +3,7 @@
 use super::record::{self, ViewLabels};
 use super::{Compat, RECIPE, SynTable, debug, merge};
 use syntable_formats::encode::npy::Array;
-use syntable_formats::encode::png::{PngImage, Rounding, depth_image};
+use syntable_formats::encode::png::{Rounding, depth_image};
 use syntable_formats::image_file::{self, RgbFile};
 use syntable_formats::include::write_file;
 use syntable_formats::shard;

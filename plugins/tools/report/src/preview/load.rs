@@ -59,6 +59,9 @@ pub struct LoadedRecipe {
     pub products: Vec<String>,
 }
 
+/// Loads the recipe with inputs of the page, and with further changes in the form of `--set`.
+type Load<'a> = &'a dyn Fn(&[Input], &[(String, String)]) -> LoadedRecipe;
+
 impl Wishes {
     /// Loads the recipe with the choice of the page's user.
     pub fn load(&self, registry: &Registry, choice: &Choice, quality: Quality, log: &dyn Log) -> LoadedRecipe {
@@ -93,7 +96,7 @@ impl Wishes {
     }
 
     /// The needed inputs, and the groups of inputs for the page that the recipe can provide.
-    fn provided(&self, needed: Vec<Input>, load: &dyn Fn(&[Input], &[(String, String)]) -> LoadedRecipe) -> Vec<Input> {
+    fn provided(&self, needed: Vec<Input>, load: Load) -> Vec<Input> {
         shot::groups().into_iter().fold(needed, |inputs, group| {
             let mut more = inputs.clone();
             extend(&mut more, group);
