@@ -1,7 +1,7 @@
 //! Conversions of other programs' datasets keep the numbers of categories and models, the meaning of masks, and all
 //! readable parts of a damaged dataset.
 
-use crate::support::{assert_same, convert, fails, made, ok, small_dataset, syntable, text};
+use crate::support::{assert_same, convert, fails, made, ok, small_dataset, small_dataset_run, syntable, text};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
@@ -771,7 +771,8 @@ fn datasets_of_images_without_objects_are_sound() {
     let formats = ["uoais", "cocoa", "coco", "kins", "d2sa", "yolo"];
     let writers: Vec<String> = formats.iter().map(|format| format!("{format} = {{}}")).collect();
     let writers = format!("write={{ {} }}", writers.join(", "));
-    small_dataset(folder.path(), &["annotate.masks.min_visible_px=100000", &writers]);
+    let mut run = small_dataset_run(folder.path(), &["annotate.masks.min_visible_px=100000", &writers]);
+    assert!(fails(&mut run, 3).contains("no object is labeled in any view"));
     for format in formats {
         assert_eq!(faults(&folder.path().join(format)), [], "{format}");
     }

@@ -413,7 +413,7 @@ fn what_is_odd_about_scenes_is_told_once_and_at_the_end() {
 #[test]
 fn scenes_whose_objects_nobody_sees_are_told() {
     let folder = tempfile::tempdir().expect("a folder");
-    let says = "no object has a visible pixel in any view";
+    let says = "no object is labeled in any view";
     // Poses above the table, toward it and past it.
     let at = "{ look_at = { eye_m = [0.1, 0.0, 2.2], target_m = [0.0, 0.0, 0.0] } }";
     let past = "{ look_at = { eye_m = [1.5, 0.0, 1.6], target_m = [2.5, 0.0, 1.7] } }";
@@ -436,13 +436,13 @@ fn scenes_whose_objects_nobody_sees_are_told() {
     let (said, journal) = run("both", &[past, at]);
     assert!(!said.contains(says) && !journal.contains("notices"), "{said}\n{journal}");
     assert_eq!(journal.matches(r#""odd_views":{"unlabeled":[0]}"#).count(), 2, "{journal}");
-    let says = "2 of 4 views, such as view 0 of scene 0: no object has a visible pixel";
+    let says = "2 of 4 views, such as view 0 of scene 0: no object is labeled";
     assert!(said.contains(&format!("warning: {says}")) && said.contains("[views]"), "{said}");
     assert_eq!(said.matches("visible pixel").count(), 1, "{said}");
     let mut few = vec![at; 11];
     few[10] = past;
     let (said, _) = run("few", &few);
-    let says = "2 of 22 views, such as view 10 of scene 0: no object has a visible pixel";
+    let says = "2 of 22 views, such as view 10 of scene 0: no object is labeled";
     assert!(said.contains(&format!("note: {says}")) && !said.contains("warning"), "{said}");
 }
 

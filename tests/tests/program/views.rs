@@ -95,6 +95,6 @@ fn the_cameras_of_a_rig_take_one_moment_from_their_places() {
     assert!(pairs.len() == 4 && compared >= 10, "{} views, {compared} objects", pairs.len());
     let mut odd = syntable();
     odd.args(["check", "builtin:quickstart", "--set", RIG, "--set", "dataset.views_per_scene=3"]);
-    let said = crate::support::fails(&mut odd, 1);
+    let said = crate::support::fails(&mut odd, 2);
     assert!(said.contains("not a multiple of 2") && said.contains("write 2 or 4"), "{said}");
 }

@@ -1,6 +1,5 @@
 //! Formats that hold meshes but that no linked crate may read, with the command that converts a file.
 
-use crate::format::MeshFormats;
 use crate::scan::extension;
 use std::io::Read;
 use std::path::Path;
@@ -44,9 +43,9 @@ const FORMATS: [ForeignFormat; 12] = [
     (&["ctm", "b3d", "ms3d", "md2", "md5mesh"], "old game engines", ASSIMP),
 ];
 
-fn of_file(file: &Path, formats: &MeshFormats) -> Option<&'static ForeignFormat> {
+fn of_file(file: &Path, read: &[&str]) -> Option<&'static ForeignFormat> {
     let extension = extension(file);
-    if formats.of_file(file).is_some() || (extension == XML && !is_mjcf(file)) {
+    if read.contains(&extension.as_str()) || (extension == XML && !is_mjcf(file)) {
         return None;
     }
     FORMATS.iter().find(|(extensions, ..)| extensions.contains(&extension.as_str()))
@@ -59,16 +58,16 @@ fn is_mjcf(file: &Path) -> bool {
     read.is_ok() && head.windows(element.len()).any(|window| window == element)
 }
 
-/// Extensions of meshes in formats that no linked crate reads, without extensions that other files have, too.
-pub fn extensions(formats: &MeshFormats) -> Vec<&'static str> {
-    let read = formats.extensions();
+/// Extensions of meshes in formats to convert, without extensions that other files have, too. Linked crates `read` files with
+/// some extensions.
+pub fn extensions(read: &[&str]) -> Vec<&'static str> {
     let all = FORMATS.iter().flat_map(|(extensions, ..)| *extensions).copied();
     all.filter(|extension| *extension != XML && !read.contains(extension)).collect()
 }
 
-/// The error for a file of a format that no linked crate reads, with the command that converts it; `None` for any other
-/// file.
-pub fn refusal(file: &Path, formats: &MeshFormats) -> Option<Error> {
-    let (_, name, remedy) = of_file(file, formats)?;
+/// The error for a file of a format to convert, with the command that does it; `None` for any other file. Linked crates
+/// `read` files with some extensions.
+pub fn refusal(file: &Path, read: &[&str]) -> Option<Error> {
+    let (_, name, remedy) = of_file(file, read)?;
     Some(Error::unsupported(format!("files of {name} are not read")).in_file(file).help(*remedy))
 }

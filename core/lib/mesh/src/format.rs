@@ -154,7 +154,7 @@ impl MeshFormats {
             Some(format) => (format.read)(root, file, log),
             None => {
                 let path = root.folder().join(file);
-                Err(foreign::refusal(&path, self).unwrap_or_else(|| {
+                Err(foreign::refusal(&path, &self.extensions()).unwrap_or_else(|| {
                     Error::new(format!("`.{}` is not a mesh format", extension(file)))
                         .in_file(path)
                         .help(format!("the mesh formats are {}", self.names("and")))

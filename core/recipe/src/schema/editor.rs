@@ -10,7 +10,7 @@
 //! - Names of products are listed with their meanings, and any other name is accepted as well: rendered products have a framing,
 //!   and a stage can provide more with other options.
 //! - tombi shows nothing for an integer where a number is asked for, unless integers are listed, too.
-//! - Limits of a distribution are limits of all numbers in it.
+//! - Limits of a distribution are limits of the numbers in its lists.
 //! - tombi completes from those members of an `anyOf` that accept the table as it stands, half-written. So `anyOf` lists a
 //!   draft of each kind, a definition that asks for nothing; the chain of `if` refers to the kinds themselves.
 //! - Servers mark missing sections in line 1 of every recipe that is being written. Only `check` requires them.
@@ -51,15 +51,16 @@ pub fn editor_schema(registry: &Registry) -> Json {
     schema
 }
 
-/// The schema for editors as it is committed and printed: a line per definition.
+/// The schema for editors as it is committed and printed: a line per definition. The definitions are under `$defs`, the
+/// keyword of later drafts, which all servers read: thousands of references are shorter.
 pub fn schema_text(registry: &Registry) -> String {
     let mut schema = editor_schema(registry);
     let definitions = schema["definitions"].take();
     let line = |(name, value): (&String, &Json)| format!("{}: {value}", Json::from(name.as_str()));
     let lines = |object: &Json| object.as_object().into_iter().flatten().map(line).collect::<Vec<_>>().join(",\n");
-    let definitions = format!("\"definitions\": {{\n{}\n}}", lines(&definitions));
+    let definitions = format!("\"$defs\": {{\n{}\n}}", lines(&definitions));
     let keywords = lines(&schema).replacen("\"definitions\": null", &definitions, 1);
-    format!("{{\n{keywords}\n}}\n")
+    format!("{{\n{keywords}\n}}\n").replace(DEFINITIONS, "#/$defs/")
 }
 
 /// Leaves out parts that editors do not need: all but the first paragraph of a kind's description, examples, the sizes of
@@ -86,34 +87,26 @@ fn drop_marks(schema: &mut Json) {
 /// Replaces the kinds under `anyOf` of every slot by drafts of them: tables of the kind that may lack any option and have
 /// any other. The last member accepts tables of no known kind; tombi would show its text beside the text of the kind.
 fn list_drafts(schema: &mut Json) {
-    let mut drafts = Map::new();
-    let Some(definitions) = schema["definitions"].as_object_mut() else { return };
+    let definitions = schema["definitions"].clone();
     for slot in Slot::ALL {
-        let Some(forms) = definitions.get_mut(slot.name()).and_then(|stage| stage["anyOf"].as_array_mut()) else {
-            continue;
-        };
+        let Some(forms) = schema["definitions"][slot.name()]["anyOf"].as_array_mut() else { continue };
         let mut kinds = Vec::new();
-        for reference in forms.iter_mut() {
-            let Some(name) = reference["$ref"].as_str().and_then(|target| target.strip_prefix(DEFINITIONS)) else {
+        for form in forms.iter_mut() {
+            let Some(name) = form["$ref"].as_str().and_then(|target| target.strip_prefix(DEFINITIONS)) else {
                 continue;
             };
-            let name = name.to_owned();
-            *reference = json!({ "$ref": format!("{DEFINITIONS}{name}.draft") });
-            kinds.push(name.trim_start_matches(slot.name()).trim_start_matches('.').to_owned());
-            drafts.insert(name, Json::Null);
+            let properties = &definitions[name]["properties"];
+            kinds.extend(properties["kind"].get("const").cloned());
+            *form = json!({ "type": "object", "properties": properties, "additionalProperties": true });
         }
         if let Some(other) = forms.last_mut().and_then(Json::as_object_mut) {
             let known = json!({
-                "type": "object", "properties": { "kind": { "enum": kinds } }, "required": ["kind"], "additionalProperties": true
+                "type": "object", "properties": { "kind": { "enum": kinds } }, "required": ["kind"],
+                "additionalProperties": true
             });
             other.insert("not".into(), known);
         }
     }
-    for (name, draft) in &mut drafts {
-        let properties = &definitions[name.as_str()]["properties"];
-        *draft = json!({ "type": "object", "properties": properties, "additionalProperties": true });
-    }
-    definitions.extend(drafts.into_iter().map(|(name, draft)| (format!("{name}.draft"), draft)));
 }
 
 /// Removes definitions without references.
@@ -157,11 +150,14 @@ impl Editor<'_> {
         }
     }
 
-    /// Replaces an `allOf` of one reference by what it refers to; the schema's own keywords win.
+    /// Replaces an `allOf` of one schema by this schema, or by what it refers to; the schema's own keywords win.
     fn inline(&self, schema: &mut Map<String, Json>) {
         let Some([only]) = schema.get("allOf").and_then(Json::as_array).map(Vec::as_slice) else { return };
-        let Some(name) = only["$ref"].as_str().and_then(|target| target.strip_prefix(DEFINITIONS)) else { return };
-        let Some(mut target) = self.definitions.get(name).and_then(Json::as_object).cloned() else { return };
+        let target = match only["$ref"].as_str() {
+            Some(target) => target.strip_prefix(DEFINITIONS).and_then(|name| self.definitions.get(name)),
+            None => Some(only),
+        };
+        let Some(mut target) = target.and_then(Json::as_object).cloned() else { return };
         schema.shift_remove("allOf");
         for form in target.get_mut("properties").and_then(Json::as_object_mut).into_iter().flat_map(Map::values_mut) {
             limit(form, schema);
@@ -195,9 +191,5 @@ fn limit(form: &mut Json, option: &Map<String, Json>) {
     let is_number = |schema: &Json| matches!(schema["type"].as_str(), Some("number" | "integer"));
     if is_number(&form["items"]) {
         form["items"].as_object_mut().into_iter().for_each(|items| items.extend(limits()));
-    }
-    for bound in ["min", "max"] {
-        let bound = form.pointer_mut(&format!("/properties/{bound}"));
-        bound.and_then(Json::as_object_mut).into_iter().for_each(|bound| bound.extend(limits()));
     }
 }

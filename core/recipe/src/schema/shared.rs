@@ -10,8 +10,9 @@ use std::collections::HashMap;
 /// How references to definitions begin.
 pub const DEFINITIONS: &str = "#/definitions/";
 
-/// Minimum length of a shared part as JSON; a reference takes up to 28 bytes.
-const SHARED_BYTES: usize = 60;
+/// Length of a reference, and of what a definition adds to its part, bytes.
+const REFERENCE_BYTES: usize = 24;
+const DEFINITION_BYTES: usize = 8;
 
 /// Keywords whose values are maps of schemas.
 const MAPS: [&str; 3] = ["definitions", "properties", "patternProperties"];
@@ -88,9 +89,9 @@ impl Sharing {
     fn below(&mut self, schema: &mut Json) {
         for_each_part(schema, &mut |part| {
             let text = part.to_string();
-            let is_shared = text.len() >= SHARED_BYTES
-                && self.uses.get(&text).is_some_and(|uses| *uses > 1)
-                && part.get("$ref").is_none();
+            let uses = self.uses.get(&text).copied().unwrap_or_default();
+            let shared = text.len() + DEFINITION_BYTES + uses * REFERENCE_BYTES;
+            let is_shared = uses * text.len() > shared && part.get("$ref").is_none();
             if !is_shared {
                 self.below(part);
                 return;

@@ -30,7 +30,7 @@ syntable_model::register_inspector!(
 );
 
 fn foreign_refusal(path: &Path) -> Option<Error> {
-    foreign::refusal(path, &MeshFormats::linked().ok()?)
+    foreign::refusal(path, &MeshFormats::linked().ok()?.extensions())
 }
 
 fn is_foreign(path: &Path) -> bool {

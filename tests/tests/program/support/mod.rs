@@ -121,9 +121,13 @@ pub fn assert_same(left: &Path, right: &Path) {
     }
 }
 
-/// Creates a dataset from the quickstart recipe with eight objects per scene, small and noisy images, and the given
-/// settings.
+/// Creates the dataset of [`small_dataset_run`].
 pub fn small_dataset(out: &Path, more: &[&str]) {
+    made(&mut small_dataset_run(out, more));
+}
+
+/// A run of the quickstart recipe with eight objects per scene, small and noisy images, and the given settings.
+pub fn small_dataset_run(out: &Path, more: &[&str]) -> Command {
     let mut run = syntable();
     run.args(["run", "builtin:quickstart", "--out"]).arg(out);
     let small =
@@ -131,7 +135,7 @@ pub fn small_dataset(out: &Path, more: &[&str]) {
     for set in small.iter().chain(more) {
         run.args(["--set", set]);
     }
-    made(&mut run);
+    run
 }
 
 /// Reads all images of a dataset, and runs every check.

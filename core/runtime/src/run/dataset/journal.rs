@@ -97,11 +97,11 @@ impl Notice {
     /// Message about a scene with these notices.
     pub fn text(self, all: &BTreeSet<Self>) -> &'static str {
         match self {
-            Self::Black if all.contains(&Self::Unlabeled) => "all images are black, and no object has a visible pixel",
+            Self::Black if all.contains(&Self::Unlabeled) => "all images are black, and no object is labeled",
             Self::Black => "all images are black",
             Self::White => "all images are white",
             Self::Unlit => "no light: no view has a light, and no material emits light",
-            Self::Unlabeled => "no object has a visible pixel in any view",
+            Self::Unlabeled => "no object is labeled in any view",
             Self::Outside => "the camera is outside the room in every view",
         }
     }
@@ -112,7 +112,7 @@ impl Notice {
             Self::Black => "the image is black",
             Self::White => "the image is white",
             Self::Unlit => "no light",
-            Self::Unlabeled => "no object has a visible pixel",
+            Self::Unlabeled => "no object is labeled",
             Self::Outside => "the camera is outside the room",
         }
     }
@@ -159,7 +159,8 @@ impl Notice {
             Self::White => "lower the intensity of [[lights]], or check the exposure in [camera]",
             Self::Unlit => "add a [[lights]] table",
             Self::Unlabeled | Self::Outside => {
-                "the objects are outside the views or hidden: check [views], and bodies that may hide the table"
+                "the objects are outside the views or hidden, or have fewer visible pixels than `annotate.masks.min_visible_px`: check \
+                 [views], and bodies that may hide the table"
             }
         }
     }

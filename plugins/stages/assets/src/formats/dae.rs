@@ -3,7 +3,7 @@
 //! The file states its unit and its upward axis. Skins take the shape in which they were bound, and morphs their base;
 //! animations are ignored.
 
-use super::xml::{self, ById, attribute, by_id, children, numbers, only, target};
+use super::xml::{self, ById, attribute, by_id, children, only, target};
 use super::{FormatLog, within};
 use geometry::DaeGeometry;
 use materials::DaeMaterials;
@@ -243,18 +243,6 @@ fn rotation([x, y, z, degrees]: [f64; 4]) -> Matrix4<f64> {
     let cross = axis.cross_matrix();
     let turn = nalgebra::Matrix3::identity() + cross * s + cross * cross * (1.0 - c);
     turn.to_homogeneous()
-}
-
-/// The numbers of a source, by the id of the source or of its array.
-fn source(ids: &ById<'_, '_>, reference: &str) -> Result<Option<(Vec<f32>, usize, usize)>> {
-    let Some(source) = target(ids, "source", reference) else { return Ok(None) };
-    let accessor = only(source, "technique_common").and_then(|common| only(common, "accessor"));
-    let number = |name| accessor.and_then(|it| attribute(it, name)).and_then(|text| text.trim().parse::<usize>().ok());
-    let array = accessor.and_then(|it| attribute(it, "source")).and_then(|source| target(ids, "float_array", source));
-    let array = array.or_else(|| only(source, "float_array"));
-    let Some(array) = array else { return Ok(None) };
-    let values = numbers(array)?;
-    Ok(Some((values, number("stride").unwrap_or(1).max(1), number("offset").unwrap_or(0))))
 }
 
 syntable_mesh::register_mesh_format!(

@@ -193,7 +193,9 @@ pub fn warn_of_foreign(
 ) {
     let missing = others.iter().filter(|(stem, _)| !meshes.contains_key(*stem));
     let files: Vec<&PathBuf> = missing.flat_map(|(_, files)| files).collect();
-    if let Some(refusal) = files.first().and_then(|file| foreign::refusal(&root.folder().join(file), formats)) {
+    if let Some(refusal) =
+        files.first().and_then(|file| foreign::refusal(&root.folder().join(file), &formats.extensions()))
+    {
         let more = match files.len() {
             1 => "the file is no object of the pool".to_owned(),
             count => format!("{count} files in such formats are no objects of the pool"),

@@ -132,7 +132,7 @@ fn find(
     let mut meshes = by_stem(root, &formats.extensions(), log)?;
     leave_out_parts(&mut meshes, root, formats);
     // The first walk reported unsearched folders and names.
-    let others = by_stem(root, &foreign::extensions(formats), &Collected::default())?;
+    let others = by_stem(root, &foreign::extensions(&formats.extensions()), &Collected::default())?;
     warn_of_foreign(&meshes, &others, formats, root, log);
     if collision == CollisionMeshes::Exclude {
         leave_out_collision_meshes(&mut meshes, &others, root, log)?;

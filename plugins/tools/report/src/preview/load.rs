@@ -2,7 +2,7 @@
 
 use super::choice::Choice;
 use super::watch::WatchedFiles;
-use super::{sheet, shot};
+use super::{cell, shot};
 use std::borrow::Cow;
 use std::cell::RefCell;
 use std::path::Path;
@@ -66,7 +66,7 @@ impl Wishes {
     /// Loads the recipe with the choice of the page's user.
     pub fn load(&self, registry: &Registry, choice: &Choice, quality: Quality, log: &dyn Log) -> LoadedRecipe {
         let since = SystemTime::now();
-        let needed = sheet::inputs(self.labels);
+        let needed = cell::inputs(self.labels);
         let load = |inputs: &[Input], more: &[(String, String)]| self.load_with(registry, choice, inputs, more, log);
         let mut inputs = needed.clone();
         let mut loaded = if self.page {

@@ -11,6 +11,7 @@
 //! | `sheet`, `text` | the contact sheet: images with captions, and errors as text |
 //! | `page` | the sheet in the browser |
 
+mod cell;
 mod choice;
 mod load;
 mod page;

@@ -1,5 +1,6 @@
 //! The contact sheet: a row per scene, a column per view, with captions. A cell without an image states the reason.
 
+use super::cell::{BACKGROUND, GAP};
 use super::shot::Shot;
 use super::text::{self, CHARACTER, LINE};
 use std::sync::Arc;
@@ -8,10 +9,7 @@ use syntable_formats::encode::png::PngImage;
 use syntable_model::error::Result;
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
-use syntable_model::product::standard::{AMODAL_MASK, OCCLUSION_MASK, RGB, VISIBLE_MASK};
 
-/// Distance of cells from each other and from the border, px.
-const GAP: u32 = 6;
 /// Distance of a text from the border of its cell, px.
 const PADDING: u32 = 6;
 /// Width of a sheet of mistakes, characters.
@@ -29,7 +27,6 @@ const MARK: (&str, &str) = ("Software", "syntable preview");
 /// Bytes at the start of a file within which the mark is.
 const MARKED: usize = 256;
 
-const BACKGROUND: DrawColor = [24; 3];
 const EMPTY: DrawColor = [38; 3];
 const CAPTION: DrawColor = [190; 3];
 const OUTDATED: DrawColor = [120; 3];
@@ -130,28 +127,6 @@ fn put_legend(sheet: &mut Plane<DrawColor>, line: &[(u32, LegendSample, &str)], 
         }
         text::draw(sheet, words, [left, y], CAPTION);
     }
-}
-
-/// Products that cells are drawn from.
-pub fn inputs(labels: bool) -> Vec<Input> {
-    let masks = || [Input::of(VISIBLE_MASK), Input::of(AMODAL_MASK), Input::of(OCCLUSION_MASK)];
-    std::iter::once(Input::of(RGB)).chain(labels.then(masks).into_iter().flatten()).collect()
-}
-
-/// Draws a view: the image and, with `labels`, next to it visible masks and amodal outlines with occluded parts.
-pub fn cell(products: &Products, labels: bool) -> Result<Plane<DrawColor>> {
-    let rgb = products.get(RGB)?;
-    if !labels {
-        return Ok(rgb.clone());
-    }
-    let visible = draw::visible(rgb, products.get(VISIBLE_MASK)?);
-    let occlusion = draw::occlusion(rgb, products.get(AMODAL_MASK)?, products.get(OCCLUSION_MASK)?, 1);
-    let [width, step] = [rgb.width(), rgb.width() + GAP];
-    let mut cell = Plane::from_fn(2 * step + width, rgb.height(), |_, _| BACKGROUND);
-    for (x, panel) in [(0, rgb), (step, &visible), (2 * step, &occlusion)] {
-        draw::paste(&mut cell, panel, x, 0);
-    }
-    Ok(cell)
 }
 
 impl Sheet {

@@ -1,6 +1,6 @@
 //! A view in a preview: its cell on the sheet and, for the page, its images and objects.
 
-use super::sheet;
+use super::cell;
 use crate::report::image::{ImageObject, OcclusionGraphView, objects_of};
 use crate::report::pixels;
 use serde::Serialize;
@@ -73,7 +73,7 @@ impl Shot {
         info: &DatasetInfo,
         details: Option<(&Digest, Duration)>,
     ) -> Result<Self> {
-        let cell = sheet::cell(products, labels)?;
+        let cell = cell::cell(products, labels)?;
         let details = details.map(|(key, time)| {
             let color = products.get(RGB)?.clone();
             let depth = products.optional(DEPTH)?;

@@ -1,7 +1,6 @@
 //! Geometries: triangles, polygons and their arrays.
 
-use super::source;
-use crate::formats::xml::{self, ById, attribute, children, only};
+use crate::formats::xml::{self, ById, attribute, children, numbers, only, target};
 use roxmltree::Node;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -199,4 +198,16 @@ impl PartBuilder<'_> {
         self.mesh.triangles.extend(triangles.into_iter().map(|triangle| triangle.map(|i| corners[i])));
         Ok(())
     }
+}
+
+/// The numbers of a source, by the id of the source or of its array.
+fn source(ids: &ById<'_, '_>, reference: &str) -> Result<Option<(Vec<f32>, usize, usize)>> {
+    let Some(source) = target(ids, "source", reference) else { return Ok(None) };
+    let accessor = only(source, "technique_common").and_then(|common| only(common, "accessor"));
+    let number = |name| accessor.and_then(|it| attribute(it, name)).and_then(|text| text.trim().parse::<usize>().ok());
+    let array = accessor.and_then(|it| attribute(it, "source")).and_then(|source| target(ids, "float_array", source));
+    let array = array.or_else(|| only(source, "float_array"));
+    let Some(array) = array else { return Ok(None) };
+    let values = numbers(array)?;
+    Ok(Some((values, number("stride").unwrap_or(1).max(1), number("offset").unwrap_or(0))))
 }
