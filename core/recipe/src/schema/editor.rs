@@ -85,26 +85,24 @@ fn drop_marks(schema: &mut Json) {
 }
 
 /// Replaces the kinds under `anyOf` of every slot by drafts of them: tables of the kind that may lack any option and have
-/// any other. The last member accepts tables of no known kind; tombi would show its text beside the text of the kind.
+/// any other. The last member accepts every table, and is `true`: of a schema in braces, tombi would show the text beside the
+/// text of the kind.
 fn list_drafts(schema: &mut Json) {
     let definitions = schema["definitions"].clone();
     for slot in Slot::ALL {
         let Some(forms) = schema["definitions"][slot.name()]["anyOf"].as_array_mut() else { continue };
-        let mut kinds = Vec::new();
         for form in forms.iter_mut() {
             let Some(name) = form["$ref"].as_str().and_then(|target| target.strip_prefix(DEFINITIONS)) else {
+                *form = true.into();
                 continue;
             };
             let properties = &definitions[name]["properties"];
-            kinds.extend(properties["kind"].get("const").cloned());
-            *form = json!({ "type": "object", "properties": properties, "additionalProperties": true });
-        }
-        if let Some(other) = forms.last_mut().and_then(Json::as_object_mut) {
-            let known = json!({
-                "type": "object", "properties": { "kind": { "enum": kinds } }, "required": ["kind"],
-                "additionalProperties": true
-            });
-            other.insert("not".into(), known);
+            let mut draft = json!({ "type": "object", "properties": properties, "additionalProperties": true });
+            if properties["kind"].get("const").is_none() {
+                // Alternatives, whose table names no kind.
+                draft["not"] = json!({ "type": "object", "required": ["kind"], "additionalProperties": true });
+            }
+            *form = draft;
         }
     }
 }
@@ -169,7 +167,7 @@ impl Editor<'_> {
 
     fn name_products(&self, schema: &mut Map<String, Json>) {
         let mut any_of = self.products.to_vec();
-        any_of.push(json!({ "type": "string" }));
+        any_of.push(true.into());
         schema.insert("anyOf".into(), any_of.into());
         schema.insert("items".into(), json!({ "$ref": "#/definitions/ProductName" }));
     }

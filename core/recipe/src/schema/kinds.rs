@@ -445,16 +445,13 @@ fn whole(registry: &Registry, schemas: &Schemas) -> Json {
         let needs_kind = match (slot.has_default_kind(), has_alternatives(slot)) {
             (true, _) => json!({}),
             (false, true) => json!({
-                "anyOf": [open(json!({ "required": ["kind"] })), open(json!({ "required": [ONE_OF] }))]
+                "if": open(json!({ "required": [ONE_OF] })),
+                "then": open(json!({})),
+                "else": open(json!({ "required": ["kind"] }))
             }),
             (false, false) => json!({ "required": ["kind"] }),
         };
-        let mut stage = open(needs_kind);
-        if let (Some(stage), false, Json::Object(chain)) =
-            (stage.as_object_mut(), demands.is_empty(), by_kind(demands, open(json!({}))))
-        {
-            stage.extend(chain);
-        }
+        let stage = by_kind(demands, open(needs_kind));
         let constraint = match slot.shape() {
             Shape::One => stage,
             Shape::List => json!({ "items": stage }),
