@@ -1,4 +1,4 @@
-//! The picture of a view on the contact sheet.
+//! The image of a view on the contact sheet.
 
 use syntable_formats::draw::{self, DrawColor};
 use syntable_model::error::Result;
@@ -6,9 +6,9 @@ use syntable_model::prelude::*;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::{AMODAL_MASK, OCCLUSION_MASK, RGB, VISIBLE_MASK};
 
-/// Distance of pictures from each other and from the border, px.
+/// Distance of images from each other and from the border, px.
 pub const GAP: u32 = 6;
-/// Color between pictures.
+/// Color between images.
 pub const BACKGROUND: DrawColor = [24; 3];
 
 /// Products that cells are drawn from.
