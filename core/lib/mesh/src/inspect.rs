@@ -55,9 +55,11 @@ pub fn mesh(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Inspection> 
     let info = ObjectInfo { name: name_of(file), ..ObjectInfo::default() };
     let (object, topology) = model.into_object(info, &shown, log)?;
     let longest = object.mesh.bounds().size().max();
-    size::check(longest, StatedLengths::default()).map_err(|error| error.in_file(&shown))?;
-    if let Some(doubt) = size::doubt(longest) {
-        log.warn(&doubt.in_file(&shown));
+    match size::check(longest, StatedLengths::default()).map_err(|error| error.in_file(&shown)) {
+        // A pool can state the unit.
+        Err(error) if size::fits_a_unit(longest) => log.warn(&error),
+        Err(error) => return Err(error),
+        Ok(()) => size::doubt(longest).into_iter().for_each(|doubt| log.warn(&doubt.in_file(&shown))),
     }
     let parts = topology.significant_parts();
     if parts > MAX_PARTS {

@@ -8,7 +8,7 @@ use syntable_interchange as _;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 use syntable_model::product::standard::{
-    AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, RGB, VISIBLE_BOX, VISIBLE_MASK,
+    AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, RGB, RGB_FILE, VISIBLE_BOX, VISIBLE_MASK,
 };
 use syntable_model::reader::{FaultSubject, OpenDataset};
 use syntable_testing::takes::open_dataset;
@@ -50,7 +50,8 @@ fn open_of(root: &Path, annotations: &[Json], categories: Json) -> OpenDataset {
 }
 
 fn read(reader: &OpenDataset) -> Products {
-    let wants: Vec<KeyId> = reader.offers.iter().copied().filter(|key| *key != RGB.id()).collect();
+    let wants: Vec<KeyId> =
+        reader.offers.iter().copied().filter(|key| ![RGB.id(), RGB_FILE.id()].contains(key)).collect();
     reader.read(0, &wants).unwrap_or_else(|error| panic!("{error}")).products
 }
 

@@ -258,7 +258,8 @@ fn categories_that_the_dataset_has_not_are_refused() {
     let (dataset, take) = (dataset(1, 1), take(0, 3, &[Crowd::Random]));
     let (view, products) = &take.views[0];
     let ids: Vec<InstanceId> = products.get(VISIBLE_MASK).expect("masks").iter().map(|(id, _)| id).collect();
-    let names: Vec<_> = products.keys().into_iter().filter(|key| *key != CATEGORY_ID.id()).collect();
+    let names = products.keys().into_iter().filter(|key| *key != CATEGORY_ID.id());
+    let names: Vec<_> = names.chain([RGB_FILE.id()]).collect();
     let log = Collected::default();
     let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&take.scene);
     let written = |kind: &str, options: &str, category: u32| {

@@ -130,32 +130,36 @@ fn textures_and_material_folders_read_a_foreign_image_format() {
 
 #[test]
 fn check_asset_and_messages_know_foreign_formats() {
-    let folder = folder(&[("box.cuboid", b"0.1 0.2 0.3"), ("x.flat", b"FLAT123"), ("x.fbx", b"?"), ("t.png", b"?")]);
+    let folder =
+        folder(&[("box.cuboid", b"0.1 0.2 0.3"), ("x.flat", b"FLAT123"), ("x.unknown", b"?"), ("t.png", b"?")]);
     let look = |name: &str| inspect(&folder.path().join(name), &Collected::default());
     let (name, found) = look("box.cuboid").expect("sound");
     assert_eq!(name, "Cuboid");
     assert!(found.facts.contains(&("size".into(), "0.1000 x 0.2000 x 0.3000 m".into())), "{found:?}");
     assert!(found.facts.contains(&("unit".into(), "meter".into())), "{found:?}");
     assert_eq!(look("x.flat").expect("sound").0, "Flat");
-    let error = look("x.fbx").expect_err("unknown").to_string();
+    let error = look("x.unknown").expect_err("unknown").to_string();
     assert!(error.contains("Cuboid") && error.contains("OBJ") && error.contains("Flat"), "{error}");
     let error = look("t.png").expect_err("no image").to_string();
     assert!(
         error.contains(
-            "t.png: not an image of a known format (texture formats are PNG, JPEG, WebP, BMP, TIFF, GIF, Flat and TGA)"
+            "t.png: not an image of a known format (texture formats are PNG, JPEG, WebP, BMP, TIFF, GIF, KTX2, Flat and TGA)"
         ),
         "{error}"
     );
 
     let formats = MeshFormats::linked().expect("no clash");
-    assert_eq!(formats.extensions(), ["glb", "gltf", "obj", "ply", "stl", "cuboid", "cub"]);
+    assert_eq!(formats.extensions(), ["urdf", "glb", "gltf", "obj", "dae", "ply", "stl", "cuboid", "cub"]);
     let own = formats.of_file(Path::new("a/B.Cub")).expect("known");
     assert_eq!((own.name, own.crate_name), ("Cuboid", "syntable-assets"));
     let root = AssetRoot::open(folder.path()).expect("opens");
-    let error = formats.read(&root, Path::new("x.fbx"), &Collected::default()).expect_err("unknown").to_string();
-    assert!(error.contains("x.fbx: `.fbx` is not a mesh format (the mesh formats are glTF, OBJ, PLY, STL and Cuboid)"));
+    let error = formats.read(&root, Path::new("x.unknown"), &Collected::default()).expect_err("unknown").to_string();
+    assert!(error.contains("x.unknown: `.unknown` is not a mesh format (the mesh formats are URDF, glTF, OBJ, COLLADA, PLY, STL and Cuboid)"));
     let images = ImageFormats::linked().expect("no clash");
-    assert_eq!(images.texture_extensions(), ["png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "gif", "flat", "tga"]);
+    assert_eq!(
+        images.texture_extensions(),
+        ["png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "gif", "ktx2", "flat", "tga"]
+    );
     assert_eq!(images.radiance_extensions(), ["exr", "hdr"]);
 }
 

@@ -14,9 +14,12 @@ use syntable_model::rule;
 syntable_model::register_format!(Format::new(
     "tod",
     "TOD's folders of scenes (`training_set` or `test_set`), as the writer `tod` writes them.",
-    |root| scenes(root).values().any(|folder| has_labels(folder)),
+    |root| SPLITS.iter().any(|split| scenes(&root.join(split)).values().any(|folder| has_labels(folder))),
     open,
 ));
+
+/// Folders of scenes inside the folder of a dataset: this folder itself, or those of a split.
+const SPLITS: [&str; 3] = ["", TodSplit::Train.folder(), TodSplit::Test.folder()];
 
 /// Numbers and folders of scenes, in order.
 fn scenes(root: &Path) -> BTreeMap<u32, PathBuf> {

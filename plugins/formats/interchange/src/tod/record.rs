@@ -30,7 +30,7 @@ pub const LAST_OF_TABLETOP: u16 = 3;
 
 impl TodSplit {
     /// The folder of its scenes.
-    pub fn folder(self) -> &'static str {
+    pub const fn folder(self) -> &'static str {
         match self {
             Self::Train => "training_set",
             Self::Test => "test_set",

@@ -66,10 +66,10 @@ fn distortion_is_passed_on_and_folds_are_rejected() {
 #[test]
 fn longer_models_of_opencv_are_passed_on() {
     let got = optics(
-        "distortion = { k1 = -0.1, k4 = 0.2, k5 = 0.03, k6 = -0.01, s1 = 0.001, s2 = 0.002, s3 = -0.003, s4 = 0.004 }",
+        "distortion = { k1 = -0.05, k4 = 0.05, k5 = 0.01, k6 = -0.001, s1 = 0.001, s2 = 0.002, s3 = -0.003, s4 = 0.004 }",
     );
     let Some(Distortion::Polynomial(lens)) = got.distortion else { panic!("{got:?}") };
-    assert_eq!((lens.radial, lens.denominator), ([-0.1, 0.0, 0.0], [0.2, 0.03, -0.01]));
+    assert_eq!((lens.radial, lens.denominator), ([-0.05, 0.0, 0.0], [0.05, 0.01, -0.001]));
     assert_eq!(lens.thin_prism, [0.001, 0.002, -0.003, 0.004]);
 }
 
@@ -90,7 +90,7 @@ fn a_fisheye_sees_its_field_of_view() {
     assert!(camera.unproject(200.0 + 156.1, 200.0).is_some() && camera.unproject(200.0 + 156.3, 200.0).is_none());
     for (options, want) in [
         ("k1 = -0.5", "folds the image over"),
-        ("intrinsics = { fov_deg = 60 }\nk1 = -0.5", ""),
+        ("intrinsics = { fov_deg = 40 }\nk1 = -0.5", ""),
         ("intrinsics = { fov_deg = 180 }", "179"),
         ("lens = { f_number = 2 }", "lens"),
     ] {
