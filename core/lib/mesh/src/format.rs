@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::inventory;
+use syntable_model::length_unit::LengthUnit;
 use syntable_model::scene::EnvironmentMap;
 
 /// A unit of length.
@@ -50,6 +51,8 @@ pub struct MeshFormat {
     pub preference: u32,
     /// The unit of a file by its name, for `check --asset`. Sources ask the recipe instead.
     pub unit_of: fn(&Path) -> Unit,
+    /// The unit in which `check --asset` takes files whose size no object has in meters.
+    pub usual_unit: Option<LengthUnit>,
     /// The meshes that a file is made of, relative to the root: they are no objects of their own.
     pub parts: fn(&AssetRoot, &Path) -> Vec<PathBuf>,
     /// The crate that registered it.
@@ -66,6 +69,7 @@ impl MeshFormat {
             states_up_axis: false,
             preference: 0,
             unit_of: |_| Unit::METER,
+            usual_unit: None,
             parts: |_, _| Vec::new(),
             crate_name: "",
         }
@@ -86,6 +90,12 @@ impl MeshFormat {
     /// Sets the unit by the name of a file in `check --asset`.
     pub const fn with_unit_by_name(mut self, unit: fn(&Path) -> Unit) -> Self {
         self.unit_of = unit;
+        self
+    }
+
+    /// Sets the unit in which `check --asset` takes files whose size no object has in meters.
+    pub const fn with_usual_unit(mut self, unit: LengthUnit) -> Self {
+        self.usual_unit = Some(unit);
         self
     }
 

@@ -11,6 +11,7 @@ use crate::{ObjectInfo, environment};
 use std::path::{Path, PathBuf};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
+use syntable_model::geometry::{Aabb, Point3};
 use syntable_model::inspect::Inspection;
 use syntable_model::scene::{EnvironmentMap, MassOrigin, MassProperties, Object, Topology};
 
@@ -50,16 +51,22 @@ pub fn mesh(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Inspection> 
     let formats = MeshFormats::linked()?;
     let shown = root.folder().join(file);
     let model = formats.read(root, file, log)?;
-    let unit = formats.of_file(file).map_or(Unit::METER, |format| (format.unit_of)(file));
-    let model = if unit.meters == 1.0 { model } else { model.scaled(unit.meters) };
+    let format = formats.of_file(file);
+    let stated = format.map_or(Unit::METER, |format| (format.unit_of)(file));
+    let longest = Aabb::of(model.mesh.positions.iter().map(|p| Point3::from(p.map(f64::from)))).size().max();
+    let is_possible = |meters: f64| size::check(longest * meters, StatedLengths::default()).is_ok();
+    let usual = format.and_then(|format| format.usual_unit);
+    let (meters, unit) = match usual.filter(|unit| !is_possible(stated.meters) && is_possible(unit.meters())) {
+        Some(unit) => (unit.meters(), format!("{0}, by its size: a pool needs `units = \"{0}\"`", unit.name())),
+        None => (stated.meters, stated.name.to_owned()),
+    };
+    let model = if meters == 1.0 { model } else { model.scaled(meters) };
     let info = ObjectInfo { name: name_of(file), ..ObjectInfo::default() };
     let (object, topology) = model.into_object(info, &shown, log)?;
     let longest = object.mesh.bounds().size().max();
-    match size::check(longest, StatedLengths::default()).map_err(|error| error.in_file(&shown)) {
-        // A pool can state the unit.
-        Err(error) if size::fits_a_unit(longest) => log.warn(&error),
-        Err(error) => return Err(error),
-        Ok(()) => size::doubt(longest).into_iter().for_each(|doubt| log.warn(&doubt.in_file(&shown))),
+    size::check(longest, StatedLengths::default()).map_err(|error| error.in_file(&shown))?;
+    if let Some(doubt) = size::doubt(longest) {
+        log.warn(&doubt.in_file(&shown));
     }
     let parts = topology.significant_parts();
     if parts > MAX_PARTS {
@@ -69,7 +76,7 @@ pub fn mesh(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Inspection> 
                 .help("a pool with `single_part_only = true` excludes it"),
         );
     }
-    Ok(describe(&object, &topology).fact("unit", unit.name))
+    Ok(describe(&object, &topology).fact("unit", unit))
 }
 
 fn describe(object: &Object, topology: &Topology) -> Inspection {

@@ -46,11 +46,6 @@ pub fn check(longest_m: f64, stated: StatedLengths) -> Result<()> {
     .help(remedy(longest_m, stated)))
 }
 
-/// Whether the longest side of an object is allowed in one of the common units.
-pub fn fits_a_unit(longest: f64) -> bool {
-    UNITS.iter().any(|unit| ALLOWED_M.contains(&(longest * unit.meters())))
-}
-
 /// A warning about an object with an unlikely longest side in a pool that does not state `units`; `None` if the side is
 /// likely.
 pub fn doubt(longest_m: f64) -> Option<Error> {

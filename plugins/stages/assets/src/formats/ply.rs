@@ -27,6 +27,7 @@ use syntable_mesh::root::AssetRoot;
 use syntable_mesh::text::shorten;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
+use syntable_model::length_unit::LengthUnit;
 use syntable_model::scene::{Color, Encoding, MeshData, Wrap};
 
 mod body;
@@ -418,5 +419,8 @@ impl PlyFaces {
 }
 
 syntable_mesh::register_mesh_format!(
-    MeshFormat::new("PLY", &["ply"], read).with_preference(20).with_unit_by_name(unit_of)
+    MeshFormat::new("PLY", &["ply"], read)
+        .with_preference(20)
+        .with_unit_by_name(unit_of)
+        .with_usual_unit(LengthUnit::Mm)
 );
