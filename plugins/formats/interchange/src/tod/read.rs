@@ -18,7 +18,7 @@ syntable_model::register_format!(Format::new(
     open,
 ));
 
-/// Folders of scenes inside the folder of a dataset: this folder itself, or those of a split.
+/// Folders of scenes inside the folder of a dataset: the folder itself, or the folder of a split.
 const SPLITS: [&str; 3] = ["", TodSplit::Train.folder(), TodSplit::Test.folder()];
 
 /// Numbers and folders of scenes, in order.
