@@ -167,6 +167,12 @@ impl Notice {
 }
 
 impl JournalEntry {
+    /// The entry of a scene that had no anomaly, error or draw.
+    pub fn new(scene: u32, attempt: u32, outcome: SceneOutcome) -> Self {
+        let (notices, odd_views, poses, choices, left_out, errors, assets) = Default::default();
+        Self { scene, attempt, outcome, notices, odd_views, poses, choices, left_out, errors, assets }
+    }
+
     /// Whether all attempts failed.
     pub fn failed(&self) -> bool {
         self.outcome == SceneOutcome::Failed
@@ -429,19 +435,7 @@ mod tests {
     fn entry(scene: u32) -> JournalEntry {
         let (writers, manifest) = (vec!["png".to_owned()], "00".to_owned());
         let outcome = SceneOutcome::Made { views: 2, objects: 3, writers, recorded: Vec::new(), manifest };
-        let (notices, odd_views, poses, choices, errors, assets) = Default::default();
-        JournalEntry {
-            scene,
-            attempt: 0,
-            outcome,
-            notices,
-            odd_views,
-            poses,
-            choices,
-            left_out: Vec::new(),
-            errors,
-            assets,
-        }
+        JournalEntry::new(scene, 0, outcome)
     }
 
     #[test]

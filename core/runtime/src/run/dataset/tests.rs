@@ -43,19 +43,7 @@ fn one_run_at_a_time() {
 fn entry(scene: u32) -> JournalEntry {
     let (writers, manifest) = (vec!["png".to_owned()], String::new());
     let outcome = SceneOutcome::Made { views: 1, objects: 1, writers, recorded: Vec::new(), manifest };
-    let (notices, odd_views, poses, choices, errors, assets) = Default::default();
-    JournalEntry {
-        scene,
-        attempt: 0,
-        outcome,
-        notices,
-        odd_views,
-        poses,
-        choices,
-        left_out: Vec::new(),
-        errors,
-        assets,
-    }
+    JournalEntry::new(scene, 0, outcome)
 }
 
 fn has(folder: &StoreFolder, path: &str) -> bool {

@@ -79,11 +79,7 @@ impl<'a> SceneMaker<'a> {
                 let outcome = outcome(views, objects, whole);
                 let Anomalies { scene: notices, views: odd_views, .. } = anomalies;
                 let SceneDraws { poses, choices } = draws;
-                let attempt = number;
                 let entry = JournalEntry {
-                    scene,
-                    attempt,
-                    outcome,
                     notices,
                     odd_views,
                     poses,
@@ -91,26 +87,13 @@ impl<'a> SceneMaker<'a> {
                     left_out,
                     errors,
                     assets,
+                    ..JournalEntry::new(scene, number, outcome)
                 };
                 Ok(Some(MadeScene { entry, kept: Manifest::default(), written }))
             }
             None if is_present => self.folder.abandon(scene).map(|()| None),
             None => {
-                let (outcome, (notices, odd_views, poses, choices, left_out, assets)) =
-                    (SceneOutcome::Failed, Default::default());
-                let attempt = number;
-                let entry = JournalEntry {
-                    scene,
-                    attempt,
-                    outcome,
-                    notices,
-                    odd_views,
-                    poses,
-                    choices,
-                    left_out,
-                    errors,
-                    assets,
-                };
+                let entry = JournalEntry { errors, ..JournalEntry::new(scene, number, SceneOutcome::Failed) };
                 Ok(Some(MadeScene { entry, kept: Manifest::default(), written: Written::new() }))
             }
         }

@@ -211,7 +211,10 @@ impl PreviewPage {
             state = PreviewState { title: "preview".to_owned(), status: "loading the recipe".to_owned(), ..state };
         }
         let context = Context::from_serialize(&state).map_err(|error| Error::new(format!("the page: {error}")))?;
-        Tera::one_off(PAGE, &context, true).map_err(|error| Error::new(format!("the page: {error}")))
+        let mut pages = Tera::default();
+        let templates = [("parts.html", include_str!("../report/page/parts.html")), ("page.html", PAGE)];
+        let page = pages.add_raw_templates(templates).and_then(|()| pages.render("page.html", &context));
+        page.map_err(|error| Error::new(format!("the page: {error}")))
     }
 }
 
