@@ -14,8 +14,8 @@ use syntable_formats::image_file::{self, RgbFile};
 use syntable_formats::json::{typed, unwritable};
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
-use syntable_model::product::Painted;
 use syntable_model::product::standard::{CAMERA, CUBOID, OBJECT_NAME, RGB, TABLETOP_MASK, VISIBLE_MASK};
+use syntable_model::product::{Painted, StatedCamera};
 use syntable_model::scene::SceneId;
 
 /// Cameras and objects from the views of a scene.
@@ -30,8 +30,6 @@ pub struct TodScene {
 /// The part of the product `camera` that TOD stores.
 #[derive(Debug, Deserialize)]
 struct CameraProduct {
-    #[serde(rename = "K")]
-    k: [[f64; 3]; 3],
     world_from_camera: Option<[[f64; 4]; 4]>,
 }
 
@@ -49,22 +47,21 @@ impl TodScene {
     fn add(
         &mut self,
         view: u32,
-        camera: &CameraProduct,
+        (camera, pose): (&StatedCamera, &[[f64; 4]; 4]),
         objects: &BTreeSet<InstanceId>,
         depth: &Plane<f32>,
         ids: &Plane<InstanceId>,
     ) {
-        let Some(pose) = &camera.world_from_camera else { return };
         self.cameras.insert(view, TodCamera::of(pose));
-        let [[fx, skew, cx], [_, fy, cy], _] = camera.k;
         for (pixel, (id, z)) in ids.data().iter().zip(depth.data()).enumerate() {
             if !z.is_finite() || !objects.contains(id) {
                 continue;
             }
             let at = [pixel as u32 % depth.width(), pixel as u32 / depth.width()];
             let [u, v] = at.map(|at| f64::from(at) + PIXEL_CENTER);
-            let (z, y) = (f64::from(*z), (v - cy) / fy);
-            let in_camera = [((u - cx) - skew * y) / fx * z, y * z, z, 1.0];
+            let Some(direction) = camera.unproject(u, v) else { continue };
+            let z = f64::from(*z);
+            let in_camera = [direction.x * z, direction.y * z, z, 1.0];
             let point: [f64; 3] = std::array::from_fn(|row| (0..4).map(|axis| pose[row][axis] * in_camera[axis]).sum());
             let [low, high] = self.shown.entry(id.0).or_insert([point; 2]);
             *low = std::array::from_fn(|axis| low[axis].min(point[axis]));
@@ -162,8 +159,11 @@ impl ImageWriter for Tod {
             }
         }
         if let Some(camera) = products.optional(CAMERA)? {
+            let stated = StatedCamera::of(camera)?;
             let camera: CameraProduct = typed(camera).map_err(|error| wrong(CAMERA.name(), &error))?;
-            scene.add(cx.view_id.0, &camera, &others, products.get(self.depth.key())?, &painted.ids);
+            if let Some(pose) = &camera.world_from_camera {
+                scene.add(cx.view_id.0, (&stated, pose), &others, products.get(self.depth.key())?, &painted.ids);
+            }
         }
         Ok(())
     }
