@@ -6,11 +6,13 @@ use crate::json::CountingReader;
 use serde::de::{DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_json::error::Category;
 use std::cell::Cell;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, SystemTime};
 
 /// Number of annotations whose keys are collected: objects that nothing hides often lack the keys of hidden parts.
 const ANNOTATIONS: usize = 256;
@@ -40,9 +42,44 @@ pub enum AnnotationStart {
     Unreadable,
 }
 
+/// A file as it was when it was read: its length and its time of change.
+type Stamp = (u64, SystemTime);
+
+/// The starts of files that were read. Each format asks for the start of each file, and `images` come before `annotations`: in a
+/// large file, it takes as long as a good part of the whole.
+static KNOWN: Mutex<BTreeMap<PathBuf, (Stamp, AnnotationStart)>> = Mutex::new(BTreeMap::new());
+/// Most starts that are kept.
+const MOST_KNOWN: usize = 256;
+/// Age of a file whose start is kept: a younger one may change again within the same tick of the file system's clock.
+const SETTLED: Duration = Duration::from_secs(2);
+
+/// The stamp of a file that has not changed for some time.
+fn settled_stamp(file: &Path) -> Option<Stamp> {
+    let metadata = std::fs::metadata(file).ok()?;
+    let changed = metadata.modified().ok()?;
+    (changed.elapsed().ok()? >= SETTLED).then_some((metadata.len(), changed))
+}
+
 impl AnnotationStart {
-    /// Reads the start of a file.
+    /// Reads the start of a file, once as long as the file does not change.
     pub fn of(file: &Path) -> Self {
+        let Some(stamp) = settled_stamp(file) else { return Self::read(file) };
+        let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((of, start)) = known().get(file)
+            && *of == stamp
+        {
+            return start.clone();
+        }
+        let start = Self::read(file);
+        let mut known = known();
+        if known.len() >= MOST_KNOWN {
+            known.clear();
+        }
+        known.insert(file.to_owned(), (stamp, start.clone()));
+        start
+    }
+
+    fn read(file: &Path) -> Self {
         let Ok(file) = File::open(file) else { return Self::Unreadable };
         let mut text = BufReader::new(file);
         if text.fill_buf().is_ok_and(|start| start.starts_with(&MARK)) {
@@ -174,5 +211,31 @@ impl<'de> Visitor<'de> for KeysSeed<'_> {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_read_once_until_it_changes() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.json");
+        let start = |key: &str, age_s: u64| {
+            let text = format!("{{\"images\": [], \"annotations\": [{{\"{key}\": 1}}]}}");
+            std::fs::write(&path, text).expect("written");
+            let file = File::options().write(true).open(&path).expect("there");
+            file.set_modified(SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000 - age_s)).expect("set");
+            match AnnotationStart::of(&path) {
+                AnnotationStart::Records(keys) => keys.0.into_iter().collect::<Vec<String>>(),
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(start("bbox", 9), ["bbox"]);
+        assert_eq!(start("area", 8), ["area"]);
+        // Of the same length and time, so that nothing tells it from the file before.
+        assert_eq!(start("mask", 8), ["area"]);
+        assert_eq!(start("masks", 8), ["masks"]);
     }
 }
