@@ -92,6 +92,8 @@ pub struct Input {
     pub option: Option<String>,
     /// Whether the writer can do without it.
     pub need: InputNeed,
+    /// Whether the writer stores it. A writer of visible masks may read amodal masks, and only decide with them what it stores.
+    pub is_stored: bool,
 }
 
 /// When a writer needs a product.
@@ -124,12 +126,12 @@ pub type AcceptsKey = dyn Fn(&KeyId) -> Result<(), String> + Send + Sync;
 impl Input {
     /// A product that the writer knows, of exactly its type.
     pub fn of<T: Product>(key: Key<T>) -> Self {
-        Self { product: key.id().to_string(), accepts: Accepts::Type(key.id()), option: None, need: InputNeed::Always }
+        Self { accepts: Accepts::Type(key.id()), ..Self::named(key.id().to_string()) }
     }
 
     /// A product by name, whatever its type.
     pub fn named(product: impl Into<String>) -> Self {
-        Self { product: product.into(), accepts: Accepts::Any, option: None, need: InputNeed::Always }
+        Self { product: product.into(), accepts: Accepts::Any, option: None, need: InputNeed::Always, is_stored: true }
     }
 
     /// The same for a product that a dataset may lack. The writer gets it from [`Products::optional`], and leaves out its labels
@@ -143,6 +145,11 @@ impl Input {
         Self { need: InputNeed::IfStored, ..self }
     }
 
+    /// The same for a product that the writer reads, and does not store.
+    pub fn not_stored(self) -> Self {
+        Self { is_stored: false, ..self }
+    }
+
     /// Names of the products of some inputs.
     pub fn names(inputs: &[Self]) -> Vec<String> {
         inputs.iter().map(|input| input.product.clone()).collect()
@@ -151,10 +158,9 @@ impl Input {
     /// The products that an option named `include` lists.
     pub fn included(include: &[ProductName], accepts: Accepts) -> Vec<Self> {
         let input = |(i, name): (usize, &ProductName)| Self {
-            product: name.as_str().to_owned(),
             accepts: accepts.clone(),
             option: Some(format!("include[{i}]")),
-            need: InputNeed::Always,
+            ..Self::named(name.as_str())
         };
         include.iter().enumerate().map(input).collect()
     }

@@ -4,7 +4,7 @@ use syntable_model::context::{DatasetContext, FrameContext, SceneContext, ViewCo
 use syntable_model::error::Result;
 use syntable_model::product::{Framing, KeyId, Scope};
 use syntable_model::product::{Key, Lighting, PerInstance, Products, standard};
-use syntable_model::stage::{Accepts, InputNeed, RecordedScene, ViewProducts};
+use syntable_model::stage::{Accepts, RecordedScene, ViewProducts};
 use syntable_model::stage::{
     DatasetAnnotator, Denoiser, FrameAnnotator, Input, Replacement, SceneAnnotator, Sensor, ViewAnnotator,
 };
@@ -105,12 +105,7 @@ fn stage(id: &str, reads: &[KeyId], provides: &[KeyId]) -> Candidate {
 }
 
 fn plan(stages: Vec<Candidate>, wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
-    let input = |name: &&str| Input {
-        product: (*name).to_owned(),
-        accepts: Accepts::Any,
-        option: None,
-        need: InputNeed::Always,
-    };
+    let input = |name: &&str| Input::named(*name);
     resolve(
         Offers::Rendered(vec![PIXELS.id()]),
         stages,
@@ -263,12 +258,7 @@ fn an_ambiguity_is_resolved_by_what_its_help_says() {
 
 #[test]
 fn a_writer_refuses_what_it_cannot_store() {
-    let input = |accepts| Input {
-        product: "pixels".into(),
-        accepts,
-        option: Some("include[0]".into()),
-        need: InputNeed::Always,
-    };
+    let input = |accepts| Input { accepts, option: Some("include[0]".into()), ..Input::named("pixels") };
     let check = |accepts| {
         resolve(Offers::Rendered(vec![PIXELS.id()]), vec![], vec![], &[("write.w".into(), vec![input(accepts)])]).err()
     };
@@ -284,7 +274,7 @@ fn a_writer_refuses_what_it_cannot_store() {
 fn stored_products_have_no_other_framing() {
     let wide = PIXELS.on_canvas(3).id();
     let asked = |offers, product: String| {
-        let input = Input { product, accepts: Accepts::Any, option: None, need: InputNeed::Always };
+        let input = Input::named(product);
         resolve(offers, Vec::new(), Vec::new(), &[("write.w".into(), vec![input])])
     };
     let stored = || Offers::Stored(vec![PIXELS.id()]);
@@ -323,12 +313,7 @@ impl Denoiser for Denoising {
 
 /// Plans what a writer reads of a renderer of light, with a denoiser.
 fn lit(wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
-    let input = |name: &&str| Input {
-        product: (*name).to_owned(),
-        accepts: Accepts::Any,
-        option: None,
-        need: InputNeed::Always,
-    };
+    let input = |name: &&str| Input::named(*name);
     let denoiser =
         Candidate { stage: "denoise".into(), producer: Producer::Denoiser(Box::new(Denoising)), implied: None };
     let offers =

@@ -125,8 +125,11 @@ pub fn convert_dataset(
     let is_read = |key: &KeyId| read.contains(&key.to_string());
     let alike = &dataset.alike;
     let said_otherwise = |key: &KeyId| alike.iter().any(|pair| pair.contains(key) && pair.iter().any(is_read));
+    let inputs: Vec<Input> = writers.iter().flat_map(|(_, writer)| writer.reads()).collect();
+    let of = |key: &KeyId, is_stored: bool| inputs.iter().any(|it| it.is_stored == is_stored && key.is(&it.product));
+    let is_kept = |key: &KeyId| is_read(key) && (of(key, true) || !of(key, false));
     let stored = dataset.offers.iter().filter(|key| !dataset.is_derived(key));
-    let lost = stored.filter(|key| !is_read(key) && !said_otherwise(key)).map(|key| key.to_string());
+    let lost = stored.filter(|key| !is_kept(key) && !said_otherwise(key)).map(|key| key.to_string());
     let losses: Vec<Loss> = losses.all().into_iter().chain(at_end.losses()).collect();
     let are_left_out = losses.iter().any(|loss| LeftOut::is_without_pixels(&loss.what));
     let without_pixels = without_pixels.into_values().filter(|_| are_left_out).flatten();

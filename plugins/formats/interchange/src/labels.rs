@@ -51,12 +51,32 @@ fn inputs_needing(needed: Vec<KeyId>) -> Vec<Input> {
 
 /// The inputs of formats with visible masks.
 pub fn visible_inputs() -> Vec<Input> {
-    inputs_needing(keys![VISIBLE_MASK, VISIBLE_BOX, CATEGORY_ID])
+    only(keys![VISIBLE_MASK, VISIBLE_BOX, CATEGORY_ID])
 }
 
 /// The inputs of formats with amodal masks.
 pub fn amodal_inputs() -> Vec<Input> {
-    inputs_needing(keys![AMODAL_MASK, AMODAL_BOX, CATEGORY_ID])
+    only(keys![AMODAL_MASK, AMODAL_BOX, CATEGORY_ID])
+}
+
+/// The inputs of formats with boxes alone, of the masks that the option `masks` selects.
+pub fn boxes_alone_inputs(masks: MaskChoice) -> Vec<Input> {
+    let own = match masks {
+        MaskChoice::Visible => VISIBLE_BOX.id(),
+        MaskChoice::Amodal => AMODAL_BOX.id(),
+    };
+    storing(&[own, BOX.id(), CATEGORY_ID.id()], box_inputs(masks))
+}
+
+/// The inputs of a format that requires and stores only these labels.
+fn only(labels: Vec<KeyId>) -> Vec<Input> {
+    storing(&labels.clone(), inputs_needing(labels))
+}
+
+/// The inputs of a format that stores only the products `stored`: the others decide what it stores.
+fn storing(stored: &[KeyId], inputs: Vec<Input>) -> Vec<Input> {
+    let of = |input: Input| if stored.iter().any(|key| key.is(&input.product)) { input } else { input.not_stored() };
+    inputs.into_iter().map(of).collect()
 }
 
 /// The inputs of formats that accept either kind of mask. The option `masks` selects the preferred kind. [`partial`]

@@ -62,10 +62,9 @@ impl ImageWriter for Ply {
 
     fn reads(&self) -> Vec<Input> {
         let depth = Input {
-            product: self.depth.as_str().to_owned(),
             accepts: Accepts::Type(DEPTH.id()),
             option: Some("depth".into()),
-            need: InputNeed::Always,
+            ..Input::named(self.depth.as_str())
         };
         let others = [(true, Input::of(CAMERA)), (self.colors, Input::of(RGB)), (self.instances, Input::of(INSTANCE))];
         let others = others.into_iter().filter_map(|(wanted, input)| wanted.then_some(input));

@@ -59,7 +59,7 @@ impl ImageWriter for Yolo {
             YoloTask::Obb => Some(rotated_box_key(self.masks)),
         };
         let labels = match (self.task(), self.masks) {
-            (YoloTask::Detect, masks) => labels::box_inputs(masks),
+            (YoloTask::Detect, masks) => labels::boxes_alone_inputs(masks),
             (_, MaskChoice::Visible) => labels::visible_inputs(),
             (_, MaskChoice::Amodal) => labels::amodal_inputs(),
         };
