@@ -11,7 +11,7 @@ mod signals;
 mod verb;
 mod verbs;
 
-pub use arguments::{RecipeArgs, RecipeChanges, TRUST_PATHS, amount, threads};
+pub use arguments::{IMAGE_FOLDER, RecipeArgs, RecipeChanges, TRUST_PATHS, amount, threads};
 pub use clap;
 pub use console::Console;
 pub use exit::Exit;

@@ -4,8 +4,12 @@ use crate::error::{Error, Result};
 use crate::files::RESERVED;
 use crate::reader::{DatasetFormat, OpenDataset, Source, Unread};
 use crate::registry::Registry;
+use crate::words::SHOWN;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// Folder of annotation files in many datasets.
+const ANNOTATIONS: &str = "annotations";
 
 impl Registry {
     /// Opens a dataset in the named format, or in the format that it looks like.
@@ -66,7 +70,7 @@ fn find(formats: &[Arc<dyn DatasetFormat>], source: &Source, format: Option<&str
             [first, second, ..] => {
                 return Err(Error::new(format!("it looks like {} and like {}", first.name(), second.name()))
                     .in_file(root)
-                    .help("name the format with `options.format`"));
+                    .help(help_with_files(root, &found)));
             }
         }
         let entries = std::fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
@@ -79,7 +83,7 @@ fn find(formats: &[Arc<dyn DatasetFormat>], source: &Source, format: Option<&str
         inside.sort();
         match inside.as_slice() {
             // A writer's folder in a folder of its own, as `convert` makes it.
-            [only] => return find(formats, &Source { path: only.clone(), reach: source.reach }, None),
+            [only] => return find(formats, &source.at(only), None),
             [] => {}
             several if is_of_run(root) => return fullest(formats, several, source),
             [first, others @ ..] => {
@@ -102,6 +106,27 @@ fn find(formats: &[Arc<dyn DatasetFormat>], source: &Source, format: Option<&str
         .help(format!("name the format with `options.format`: {}", names())))
 }
 
+/// Help for a folder that several formats read: its annotation files with their formats. `--format` alone does not choose between
+/// several files of one format.
+fn help_with_files(root: &Path, formats: &[&Arc<dyn DatasetFormat>]) -> String {
+    let of_folder =
+        |folder: PathBuf| std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let files = of_folder(root.to_owned()).chain(of_folder(root.join(ANNOTATIONS))).filter(|path| path.is_file());
+    let named = |file: PathBuf| {
+        let format = formats.iter().find(|format| format.detects(&file))?;
+        Some(format!("{} ({})", file.display(), format.name()))
+    };
+    let mut named: Vec<String> = files.filter_map(named).collect();
+    named.sort();
+    match named.len() {
+        0 => "name the format with `options.format`".to_owned(),
+        count if count > SHOWN => {
+            format!("name one of its {count} annotation files, such as {}", named[..SHOWN].join(", "))
+        }
+        _ => format!("name one of its annotation files: {}", named.join(", ")),
+    }
+}
+
 /// Whether a run of this program made a folder.
 fn is_of_run(root: &Path) -> bool {
     root.join(RESERVED[0]).is_dir()
@@ -115,7 +140,7 @@ fn fullest(formats: &[Arc<dyn DatasetFormat>], folders: &[PathBuf], source: &Sou
     for folder in folders {
         // It may be a link to a folder that the user did not name.
         root.file(folder.file_name().unwrap_or_default())?;
-        let found = find(formats, &Source { path: folder.clone(), reach: source.reach }, None)?;
+        let found = find(formats, &source.at(folder), None)?;
         let Ok(opened) = found.format.open(&found.source) else { return Ok(found) };
         let products = opened.offers.len();
         if best.as_ref().is_none_or(|(most, _)| products > *most) {

@@ -40,6 +40,10 @@ pub trait DatasetFormat: Send + Sync {
     fn is_generic(&self) -> bool {
         false
     }
+    /// Whether its images may be in a folder that the user names; see [`Source::image_folder`].
+    fn takes_image_folder(&self) -> bool {
+        false
+    }
     /// The crate or program that registers it, for messages.
     fn owner(&self) -> &str;
 }
@@ -51,6 +55,14 @@ impl dyn DatasetFormat + '_ {
     /// # Errors
     /// If the path is not a dataset of the format, or nothing of it can be read.
     pub fn open(&self, source: &Source) -> Result<OpenDataset> {
+        if source.image_folder.is_some() && !self.takes_image_folder() {
+            let message =
+                format!("`options.image_folder`: the images of a {} dataset are in folders of its own", self.name());
+            return Err(Error::new(message)
+                .in_file(&source.path)
+                .help("leave out `options.image_folder`")
+                .of_request());
+        }
         OpenDataset::open(self.name(), source, || self.read(source))
     }
 
@@ -73,6 +85,8 @@ pub struct Format {
     pub open: fn(&Source) -> Result<Opened>,
     /// Whether it holds products under their names; see [`DatasetFormat::is_generic`].
     pub is_generic: bool,
+    /// Whether its images may be elsewhere; see [`DatasetFormat::takes_image_folder`].
+    pub takes_image_folder: bool,
     /// Crate that registers it.
     pub crate_name: &'static str,
 }
@@ -87,12 +101,17 @@ impl Format {
         detect: fn(&Path) -> bool,
         open: fn(&Source) -> Result<Opened>,
     ) -> Self {
-        Self { name, doc, detect, open, is_generic: false, crate_name: "" }
+        Self { name, doc, detect, open, is_generic: false, takes_image_folder: false, crate_name: "" }
     }
 
     /// The same format if its datasets hold products under their names; see [`DatasetFormat::is_generic`].
     pub const fn generic(self) -> Self {
         Self { is_generic: true, ..self }
+    }
+
+    /// The same format if its images may be elsewhere; see [`DatasetFormat::takes_image_folder`].
+    pub const fn with_image_folder(self) -> Self {
+        Self { takes_image_folder: true, ..self }
     }
 }
 
@@ -115,6 +134,10 @@ impl DatasetFormat for Format {
 
     fn is_generic(&self) -> bool {
         self.is_generic
+    }
+
+    fn takes_image_folder(&self) -> bool {
+        self.takes_image_folder
     }
 
     fn owner(&self) -> &str {
@@ -169,17 +192,29 @@ pub struct Source {
     pub path: PathBuf,
     /// How far names and links in it may reach.
     pub reach: Reach,
+    /// The folder of its images if the user names it; otherwise it is found by the layout of the format.
+    pub image_folder: Option<PathBuf>,
 }
 
 impl Source {
     /// A dataset whose names and links lead nowhere else.
     pub fn new(path: impl Into<PathBuf>) -> Self {
-        Self { path: path.into(), reach: Reach::Inside }
+        Self { path: path.into(), reach: Reach::Inside, image_folder: None }
     }
 
     /// The same source. If `is_trusted`, its names and links may lead anywhere; otherwise they must stay inside.
     pub fn trusting(self, is_trusted: bool) -> Self {
         Self { reach: if is_trusted { Reach::Anywhere } else { Reach::Inside }, ..self }
+    }
+
+    /// The same source with its images in this folder.
+    pub fn with_images_in(self, image_folder: Option<PathBuf>) -> Self {
+        Self { image_folder, ..self }
+    }
+
+    /// The same source at another path.
+    pub fn at(&self, path: &Path) -> Self {
+        Self { path: path.to_owned(), ..self.clone() }
     }
 
     /// Opens a folder. Nothing in the dataset may lead out of it, unless the reach is wider. `path` is the path that

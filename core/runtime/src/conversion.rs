@@ -21,6 +21,8 @@ pub struct ConvertOptions {
     pub format: Option<String>,
     /// Whether to read files outside the dataset's folder that the dataset refers to.
     pub trust_paths: bool,
+    /// Folder of the dataset's images; `None` finds it by the layout of the format.
+    pub image_folder: Option<PathBuf>,
     /// Kinds of writers, each at most once.
     pub to: Vec<String>,
     /// Options of writers as `KIND.KEY=VALUE`, with the value in TOML.
@@ -40,6 +42,7 @@ impl ConvertOptions {
             dataset: dataset.into(),
             format: None,
             trust_paths: false,
+            image_folder: None,
             to: to.iter().map(|kind| (*kind).to_owned()).collect(),
             set: Vec::new(),
             out: out.into(),
@@ -69,7 +72,8 @@ pub fn convert(registry: &Registry, options: &ConvertOptions, reporter: &dyn Rep
     if let Some(folder) = options.out.local() {
         check_place(&folder, &options.dataset)?;
     }
-    let named = Source::new(&options.dataset).trusting(options.trust_paths);
+    let named =
+        Source::new(&options.dataset).trusting(options.trust_paths).with_images_in(options.image_folder.clone());
     let (format, dataset) = registry.open_dataset(&named, options.format.as_deref())?;
     check_images(&dataset, &options.dataset)?;
     let has = products_of(registry, &dataset);

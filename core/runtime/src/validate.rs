@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use syntable_model::check::LabelCheck;
 use syntable_model::error::{Error, Result};
-use syntable_model::product::standard::OBJECT_INFO;
+use syntable_model::product::standard::{DEPTH, OBJECT_INFO, RGB, RGB_FILE};
 use syntable_model::product::{KeyId, Products, Value};
 use syntable_model::reader::{DatasetFault, OpenDataset, Source, is_unnamed};
 use syntable_model::registry::Registry;
@@ -246,7 +246,17 @@ fn read(dataset: &OpenDataset, image: usize, wants: &[KeyId]) -> (Products, Vec<
         Ok(read) => (read.products, Vec::new()),
         Err(_) => {
             let (mut products, mut messages) = (Products::new(), BTreeSet::new());
-            for want in wants {
+            // Often the image files alone are missing. Product by product, an image takes a dozen reads.
+            let (files, labels): (Vec<KeyId>, Vec<KeyId>) =
+                wants.iter().copied().partition(|key| [RGB.id(), RGB_FILE.id(), DEPTH.id()].contains(key));
+            let one_by_one = match dataset.read(image, &labels) {
+                Ok(read) => {
+                    products = read.products;
+                    files
+                }
+                Err(_) => wants.to_vec(),
+            };
+            for want in &one_by_one {
                 let one = dataset.read(image, std::slice::from_ref(want));
                 if let Err(error) = one.and_then(|one| products.extend(one.products)) {
                     messages.insert(error.to_string());
@@ -274,7 +284,7 @@ impl Validated {
     /// The result for a dataset that cannot be opened: its error.
     pub fn unreadable(place: String, error: &Error) -> Self {
         let check = READABLE.to_owned();
-        let message = error.help_text().map_or_else(|| error.to_string(), |help| format!("{error}; {help}"));
+        let message = error.to_string();
         let checks = vec![CheckResult { check: check.clone(), says: CAN_BE_READ.to_owned(), images: None, faults: 1 }];
         Self { images: 0, checks, faults: vec![FaultAt { check, place, message }], numbers: NumberNames::default() }
     }

@@ -28,17 +28,19 @@ pub(crate) struct ConvertArgs {
     format: Option<String>,
     #[arg(long, help = crate::arguments::TRUST_PATHS)]
     trust_paths: bool,
+    #[arg(long, value_name = "DIR", help = crate::arguments::IMAGE_FOLDER)]
+    image_folder: Option<PathBuf>,
     /// Set an option of a writer: `coco.masks="visible"`. The value is TOML.
     #[arg(long, value_name = "KIND.KEY=VALUE")]
     set: Vec<String>,
 }
 
 pub(crate) fn convert(console: &Console, registry: &Registry, args: ConvertArgs) -> Result<(), Exit> {
-    let ConvertArgs { dataset, to, out, format, trust_paths, set } = args;
+    let ConvertArgs { dataset, to, out, format, trust_paths, image_folder, set } = args;
     let stop = on_signals(console, Ends::Work("the output stays as it was"))?;
     let threads = workers::available();
     let out = StoreFolder::from(out);
-    let options = ConvertOptions { dataset, format, trust_paths, to, set, out, threads, stop };
+    let options = ConvertOptions { dataset, format, trust_paths, image_folder, to, set, out, threads, stop };
     let done =
         conversion::convert(registry, &options, console.reporter()).map_err(|error| ended(&options.stop, error))?;
     let converted = &done.converted;
@@ -52,7 +54,7 @@ pub(crate) fn convert(console: &Console, registry: &Registry, args: ConvertArgs)
     }
     if converted.faults > 0 {
         let faults = count(converted.faults, "fault");
-        let warning = Error::new(format!("{faults} in the source dataset: the result may have them, too"))
+        let warning = Error::new(format!("{faults} in the converted labels: the result may have them, too"))
             .in_file(&options.dataset)
             .help("`syntable validate` lists all faults");
         console.say(&Message::Warning(warning));

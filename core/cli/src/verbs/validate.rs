@@ -31,6 +31,8 @@ pub(crate) struct ValidateArgs {
     format: Option<String>,
     #[arg(long, help = crate::arguments::TRUST_PATHS)]
     trust_paths: bool,
+    #[arg(long, value_name = "DIR", help = crate::arguments::IMAGE_FOLDER)]
+    image_folder: Option<PathBuf>,
     /// Print all results as one JSON object. Several datasets have one entry each in `datasets`.
     #[arg(long)]
     json: bool,
@@ -58,7 +60,7 @@ pub(crate) fn validate(console: &Console, registry: &Registry, args: &ValidateAr
     );
     let work = ImageWork { workers: &pool, reporter: console.reporter(), stop: &stop };
     let one = |path: &PathBuf| {
-        let source = Source::new(path).trusting(args.trust_paths);
+        let source = Source::new(path).trusting(args.trust_paths).with_images_in(args.image_folder.clone());
         validate_path(registry, &source, args.format.as_deref(), &work).map_err(|error| ended(&stop, error))
     };
     let all = args.datasets.iter().map(one).collect::<Result<Vec<ValidatedDataset>, Exit>>()?;

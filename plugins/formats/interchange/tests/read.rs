@@ -9,7 +9,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     AMODAL_MASK, BOX, CATEGORY_ID, DEPTH, DEPTH_SENSED, OCCLUSION_MASK, RGB, VISIBLE_MASK,
 };
-use syntable_model::reader::{self, OpenDataset};
+use syntable_model::reader::{self, OpenDataset, Source};
 use syntable_testing::read_back::{JPEG, assert_jpeg_images};
 use syntable_testing::takes::{Take, dataset, finish, open_dataset, registry, takes, write_scenes, writer};
 use syntable_testing::tools::{own_script, python};
@@ -1074,4 +1074,54 @@ fn one_of_several_is_named() {
     }
     let error = open_dataset(folder.path(), None).err().expect("two datasets").to_string();
     assert!(error.contains("it contains 2 datasets"), "{error}");
+}
+
+#[test]
+fn images_may_be_elsewhere() {
+    for kind in ["coco", "coco_panoptic", "cocoa", "d2sa", "kins"] {
+        let folder = tempfile::tempdir().expect("a folder");
+        written(folder.path(), kind, "");
+        let root = folder.path().join("data");
+        let rgb =
+            |read: &OpenDataset| read.read(0, &[RGB.id()]).map(|image| image.products.get(RGB).expect("there").clone());
+        let want = rgb(&open(&root)).expect("readable");
+        let [here, there] = [root.join("images"), folder.path().join("elsewhere")];
+        fs::rename(here, &there).expect("moved");
+        let error = rgb(&open(&root)).err().unwrap_or_else(|| panic!("{kind}: read without images"));
+        assert!(error.help_text().is_some_and(|help| help.contains("`options.image_folder`")), "{kind}: {error}");
+        let source = Source::new(&root).with_images_in(Some(there));
+        let found = || {
+            let (_, read) = registry().open_dataset(&source, None).unwrap_or_else(|error| panic!("{kind}: {error}"));
+            rgb(&read).expect("readable")
+        };
+        assert!(found() == want, "{kind}");
+        // LVIS' names have the folder of the split.
+        spoil(&annotation_file(&root), &|file| {
+            for image in file["images"].as_array_mut().expect("a list") {
+                image["file_name"] = format!("val2017/{}", image["file_name"].as_str().expect("a name")).into();
+            }
+        });
+        assert!(found() == want, "{kind}");
+    }
+    // A format whose images have places of their own.
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "osd_amodal", "");
+    let source = Source::new(folder.path().join("data")).with_images_in(Some(folder.path().to_owned()));
+    let error = registry().open_dataset(&source, None).err().expect("refused").to_string();
+    assert!(error.contains("osd_amodal") && error.contains("`options.image_folder`"), "{error}");
+}
+
+#[test]
+fn files_of_several_formats_are_listed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "coco", "");
+    let root = folder.path().join("data");
+    let other = tempfile::tempdir().expect("a folder");
+    written(other.path(), "coco_panoptic", "");
+    let panoptic = annotation_file(&other.path().join("data"));
+    fs::copy(&panoptic, root.join("annotations").join(panoptic.file_name().expect("a name"))).expect("copied");
+    let error = open_dataset(&root, None).err().expect("two formats").to_string();
+    for file in ["annotations/instances_train.json (coco)", "annotations/panoptic_train.json (coco_panoptic)"] {
+        assert!(error.contains(file), "{error}");
+    }
 }

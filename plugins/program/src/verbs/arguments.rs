@@ -1,8 +1,8 @@
 //! Arguments that several verbs have.
 
 use std::path::{Path, PathBuf};
-use syntable_cli::TRUST_PATHS;
 use syntable_cli::clap::{Arg, ArgAction, ArgMatches, value_parser};
+use syntable_cli::{IMAGE_FOLDER, TRUST_PATHS};
 use syntable_model::reader::Source;
 
 /// The dataset.
@@ -27,9 +27,19 @@ pub fn trust_paths() -> Arg {
     Arg::new("trust-paths").long("trust-paths").action(ArgAction::SetTrue).help(TRUST_PATHS)
 }
 
-/// The dataset at a path, with the requested access to files outside.
+/// `--image-folder` of the dataset.
+pub fn image_folder() -> Arg {
+    Arg::new("image-folder")
+        .long("image-folder")
+        .value_name("DIR")
+        .value_parser(value_parser!(PathBuf))
+        .help(IMAGE_FOLDER)
+}
+
+/// The dataset at a path, with the requested folder of images and access to files outside.
 pub fn source(path: &Path, arguments: &ArgMatches) -> Source {
-    Source::new(path).trusting(arguments.get_flag("trust-paths"))
+    let image_folder = arguments.get_one::<PathBuf>("image-folder").cloned();
+    Source::new(path).trusting(arguments.get_flag("trust-paths")).with_images_in(image_folder)
 }
 
 /// `--scores` of predictions.

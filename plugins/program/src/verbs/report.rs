@@ -22,6 +22,7 @@ fn command() -> Command {
         .arg(flag("overwrite").action(ArgAction::SetTrue).help("Replace the report in the folder"))
         .arg(arguments::format())
         .arg(arguments::trust_paths())
+        .arg(arguments::image_folder())
         .arg(arguments::scores())
         .arg(flag("images").value_name("N").value_parser(amount).default_value("500").help(
             "Maximum images in the report, or `all`: the most occluded images, and others at even intervals. An image takes \

@@ -34,6 +34,7 @@ fn command() -> Command {
                 .help("Format of all datasets (see `syntable list formats`). Default: detected for each"),
         )
         .arg(arguments::trust_paths())
+        .arg(arguments::image_folder())
         .arg(flag("labels-only").action(ArgAction::SetTrue).help(
             "Read only labels, since images take most of the time. Omits brightness, depth and near-duplicate views",
         ))

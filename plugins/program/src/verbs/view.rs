@@ -18,6 +18,7 @@ fn command() -> Command {
         .arg(arguments::port())
         .arg(arguments::format())
         .arg(arguments::trust_paths())
+        .arg(arguments::image_folder())
         .arg(arguments::scores())
         .arg(arguments::threads("Worker threads for the statistics. Default: all cores"))
         .after_help(

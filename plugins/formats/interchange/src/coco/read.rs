@@ -14,7 +14,7 @@ use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 use syntable_model::product::standard::{BOX, CATEGORY_ID, DEPTH, LABEL_POLICY, OCCLUSION_MASK, VISIBLE_BOX};
-use syntable_model::reader::{Crowd, DatasetFault, FaultSubject, Format, Note, Opened};
+use syntable_model::reader::{Crowd, DatasetFault, FaultSubject, Format, Note, Opened, Source};
 use syntable_model::rule;
 
 syntable_model::register_format!(Format::new(
@@ -24,9 +24,9 @@ syntable_model::register_format!(Format::new(
     |path| Structure::Instances.is_at(path),
     |source| {
         let (root, file) = Structure::Instances.find(source)?;
-        open_file(&root, &file, false)
+        open_file(source, &root, &file, false)
     },
-));
+).with_image_folder());
 
 /// Maximum number of objects whose masks are decoded to find out whether they are visible or amodal.
 const LOOKED_AT: usize = 64;
@@ -51,11 +51,12 @@ pub struct CocoObjects {
 }
 
 /// Opens the dataset of an annotation file, of COCO or of D2SA.
-pub fn open_file(root: &DatasetFolder, path: &Path, is_d2sa: bool) -> Result<Opened> {
+pub fn open_file(source: &Source, root: &DatasetFolder, path: &Path, is_d2sa: bool) -> Result<Opened> {
     let (mut has_masks, mut crowds) = (false, 0);
     let (mut has_visible, mut has_amodal, mut has_hidden, mut pairs) = (false, false, false, MaskPairs::default());
     let (mut objects, mut without_mask, mut without_place) = (0, 0, 0);
     let mut file = AnnotationFile::open(
+        source,
         root,
         path,
         &image_folders(path),

@@ -18,7 +18,7 @@ syntable_model::register_format!(Format::new(
     "COCO panoptic segmentation (`annotations/panoptic_*.json` beside a folder of this name and one of images): its `isthing` segments are objects.",
     |path| Structure::Segments.is_at(path),
     open,
-));
+).with_image_folder());
 
 /// The segments of a dataset.
 pub struct Things {
@@ -38,6 +38,7 @@ fn open(source: &Source) -> Result<Opened> {
     // Counts segments by category and by whether they are crowds.
     let mut segments: BTreeMap<(u64, bool), usize> = BTreeMap::new();
     let mut file = AnnotationFile::open(
+        source,
         &root,
         &path,
         &image_folders(&path),
@@ -83,8 +84,11 @@ fn open(source: &Source) -> Result<Opened> {
         notes.push(not_objects(&offers, count, of, what));
     }
     let category_ids = Some(categories.ids());
+    let [expected, ..] = image_folders(&path);
+    let images = root.inner(expected);
     let folder = beside(root, &path).inner(path.file_stem().unwrap_or_default());
-    let opened = file.opened(info, offers, notes, Things { folder, categories, stuff });
+    let opened =
+        file.with_images_outside(&folder, images).opened(info, offers, notes, Things { folder, categories, stuff });
     Ok(Opened { category_ids, ..opened })
 }
 

@@ -21,7 +21,7 @@ syntable_model::register_format!(Format::new(
           stuff are no objects; of several annotations of an image the first one counts.",
     |path| Structure::Regions.is_at(path),
     open,
-));
+).with_image_folder());
 
 /// The regions of objects.
 struct Regions {
@@ -37,6 +37,7 @@ fn open(source: &Source) -> Result<Opened> {
     // Numbers of regions of each annotation: of all regions, and of regions of stuff.
     let mut regions: Vec<[usize; 2]> = Vec::new();
     let mut file = AnnotationFile::open(
+        source,
         &root,
         &path,
         &image_folders(&path),

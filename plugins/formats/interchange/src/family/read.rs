@@ -14,7 +14,7 @@ use syntable_formats::unkept::{self, Unkept};
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB, RGB_FILE};
-use syntable_model::reader::{Crowd, DatasetFault, FaultSubject, ImageSource, Note, Opened, ReadImage};
+use syntable_model::reader::{Crowd, DatasetFault, FaultSubject, ImageSource, Note, Opened, ReadImage, Source};
 
 /// Key of an image's depth image, in whole millimeters, next to its `file_name`. UOAIS-Sim uses it.
 pub const DEPTH_FILE: &str = "depth_file_name";
@@ -54,6 +54,8 @@ pub struct AnnotationFile {
     pub listing: AnnotationListing,
     /// The folder to which the image names are relative.
     images_root: DatasetFolder,
+    /// Whether the images are in this folder by the last parts of their names alone.
+    by_last_part: bool,
     /// Whether every image has a depth image.
     has_depth: bool,
     /// Whether every image states the policy of its labels.
@@ -63,10 +65,12 @@ pub struct AnnotationFile {
 }
 
 impl AnnotationFile {
-    /// Opens the annotation file of a dataset whose images are in one of `folders`. `records` names the kinds of
+    /// Opens the annotation file of a dataset whose images are in the folder that the user names, or else in one of
+    /// `folders`. `records` names the kinds of
     /// records of the format, in the plural, each with the fields in its `extra` that are read. `each` visits every
     /// annotation, and counts the unread fields of its records.
     pub fn open<A: AnnotationRecord>(
+        source: &Source,
         root: &DatasetFolder,
         file: &Path,
         folders: &[impl AsRef<Path>],
@@ -87,12 +91,20 @@ impl AnnotationFile {
                 IndexedRecord::Scene(_) => {}
             })?;
         let [has_depth, has_policy] = [has_depth, has_policy].map(|has| has && !listing.images.is_empty());
-        let first: Vec<&str> = listing.images.iter().take(LOOKED_UP).map(|it| it.frame.file_name.as_str()).collect();
-        let has = |folder: &DatasetFolder| first.iter().any(|image| folder.has(image));
-        let inner = || folders.iter().map(|name| root.inner(name));
-        let found = inner().find(has).or_else(|| only_folder(root, has)).or_else(|| inner().next());
-        let images_root = found.unwrap_or_else(|| root.clone());
-        Ok(Self { listing, images_root, has_depth, has_policy, unkept })
+        let (images_root, by_last_part) = match &source.image_folder {
+            Some(folder) => named_root(source.folder(folder)?, &listing),
+            None => (images_root(root, folders, &listing), false),
+        };
+        Ok(Self { listing, images_root, by_last_part, has_depth, has_policy, unkept })
+    }
+
+    /// The same file if its images are not in this folder, which has other images of the same names: without the color images, it
+    /// is the only one that has them.
+    pub fn with_images_outside(mut self, folder: &DatasetFolder, expected: DatasetFolder) -> Self {
+        if self.images_root.path() == folder.path() {
+            self.images_root = expected;
+        }
+        self
     }
 
     /// The categories that the file lists.
@@ -152,9 +164,9 @@ impl AnnotationFile {
 
     /// The dataset, with the notes of the listing before `notes`.
     pub fn opened(self, info: DatasetInfo, offers: Vec<KeyId>, notes: Vec<Note>, annotated: impl Annotated) -> Opened {
-        let Self { listing, images_root, has_depth, has_policy, unkept } = self;
+        let Self { listing, images_root, by_last_part, has_depth, has_policy, unkept } = self;
         let mut opened = listing.opened(info, offers, |listing| FamilySource {
-            file: Self { listing, images_root, has_depth, has_policy, unkept },
+            file: Self { listing, images_root, by_last_part, has_depth, has_policy, unkept },
             annotated,
         });
         opened.notes.extend(notes);
@@ -176,8 +188,13 @@ impl AnnotationFile {
     fn put_images(&self, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()> {
         let size = self.size(image);
         if [RGB.id(), RGB_FILE.id()].iter().any(|key| wants.contains(key)) {
-            let path = self.images_root.file(&self.listing.images[image].frame.file_name)?;
-            FileContent::read(&path)?.stated(size).put_rgb(wants, products)?;
+            let name = self.listing.images[image].frame.file_name.as_str();
+            let path = self.images_root.file(if self.by_last_part { last_part(name) } else { name })?;
+            let content = FileContent::read(&path).map_err(|error| match path.exists() {
+                true => error,
+                false => error.help("name the folder of the images with `options.image_folder`"),
+            })?;
+            content.stated(size).put_rgb(wants, products)?;
         }
         let wanted = |has: bool, key: KeyId| has && wants.contains(&key);
         let (depth, policy) = (wanted(self.has_depth, DEPTH.id()), wanted(self.has_policy, LABEL_POLICY.id()));
@@ -193,6 +210,32 @@ impl AnnotationFile {
         }
         Ok(())
     }
+}
+
+/// Names of the first images.
+fn first_names(listing: &AnnotationListing) -> impl Iterator<Item = &str> {
+    listing.images.iter().take(LOOKED_UP).map(|it| it.frame.file_name.as_str())
+}
+
+/// The folder of the images: one of `folders`, the only one that has the images, or else the first of `folders`.
+fn images_root(root: &DatasetFolder, folders: &[impl AsRef<Path>], listing: &AnnotationListing) -> DatasetFolder {
+    let has = |folder: &DatasetFolder| first_names(listing).any(|image| folder.has(image));
+    let inner = || folders.iter().map(|name| root.inner(name));
+    let found = inner().find(has).or_else(|| only_folder(root, has)).or_else(|| inner().next());
+    found.unwrap_or_else(|| root.clone())
+}
+
+/// The folder that the user names, and whether it has the images by the last parts of their names alone: LVIS' names begin with
+/// the folder, as in `val2017/000000317999.jpg`.
+fn named_root(folder: DatasetFolder, listing: &AnnotationListing) -> (DatasetFolder, bool) {
+    let has = |of: fn(&str) -> &str| first_names(listing).any(|name| folder.has(of(name)));
+    let by_last_part = !has(|name| name) && has(last_part);
+    (folder, by_last_part)
+}
+
+/// The name of a file without its folders.
+fn last_part(name: &str) -> &str {
+    name.rsplit('/').next().unwrap_or(name)
 }
 
 struct FamilySource<A> {

@@ -18,7 +18,7 @@ syntable_model::register_format!(Format::new(
           the writer `kins` writes it.",
     |path| Structure::Kins.is_at(path),
     open,
-));
+).with_image_folder());
 
 /// Folders of images: ours, then KITTI's, which contain other images with the same names.
 const IMAGES: [&str; 4] = ["images", "training/image_2", "testing/image_2", "."];
@@ -44,6 +44,7 @@ fn open(source: &Source) -> Result<Opened> {
     let (root, path) = Structure::Kins.find(source)?;
     let [mut crowds, mut all] = [0; 2];
     let mut file = AnnotationFile::open(
+        source,
         &root,
         &path,
         &image_folders(&path),

@@ -231,7 +231,9 @@ pub(super) fn tally(
 fn without_images(error: Error, dataset: &OpenDataset, image: usize, wanted: &ImageInputs) -> Error {
     let labels: Vec<KeyId> = wanted.keys.iter().filter(|key| ![RGB.id(), DEPTH.id()].contains(key)).copied().collect();
     if labels.len() < wanted.keys.len() && dataset.read(image, &labels).is_ok() {
-        return error.help("`options.labels_only` reads no images, and counts labels only");
+        let hint = "`options.labels_only` reads no images, and counts labels only";
+        let help = error.help_text().map_or_else(|| hint.to_owned(), |help| format!("{help}; {hint}"));
+        return error.help(help);
     }
     error
 }
