@@ -28,6 +28,12 @@ const FILES: &[OfProgram] = &[
         "instances_val2017.json",
     ),
     (
+        "annotations/labels_val.json",
+        r#"{"images": [{"id": 1, "file_name": "a.jpg"}], "annotations": [{"image_id": 1, "id": 3, "category_id": 2}]}"#,
+        "they label whole images",
+        "instances_val2017.json",
+    ),
+    (
         "results.json",
         r#"[{"image_id": 42, "category_id": 18, "bbox": [258.15, 41.29, 348.26, 243.78], "score": 0.236}]"#,
         "predictions and not a dataset",
@@ -113,6 +119,51 @@ const FILES: &[OfProgram] = &[
         "-if open_images",
     ),
     ("train.tfrecord", "\u{1}", "TFRecord", "-if tf_detection_api"),
+    ("1.0.0/movi_a-train.tfrecord-00000-of-00064", "\u{1}", "TFRecord", "-if tf_detection_api"),
+    (
+        "annotations/ochuman.json",
+        r#"{"images": [{"annotations": [{"max_iou": 0.64, "bbox": [1, 2, 3, 4], "segms": {}}], "file_name": "a.jpg"}]}"#,
+        "OCHuman",
+        "`segms` become",
+    ),
+    (
+        "export.json",
+        r#"[{"ID": "c", "DataRow ID": "d", "Labeled Data": "https://example.org/a.jpg", "Label": {"objects": []}}]"#,
+        "Labelbox",
+        "COCOConverter",
+    ),
+    (
+        "_annotations.createml.json",
+        r#"[{"image": "a.jpg", "annotations": [{"label": "mug", "coordinates": {"x": 2.0, "y": 1.0, "width": 3.0}}]}]"#,
+        "CreateML",
+        "`YOLOv8`",
+    ),
+    (
+        "000000.json",
+        r#"{"camera_data": {}, "objects": [{"class": "cracker", "visibility": 1.0, "location": [-5.4, 10.2, 55.3]}]}"#,
+        "DOPE",
+        "BOP's layout",
+    ),
+    (
+        "scene_0000/0000.json",
+        r#"{"camera": {"extrinsics": [], "intrinsics": []}, "objects": [{"class": "Milk", "pose": [[1, 0, 0, 0]]}]}"#,
+        "HOPE",
+        "bop.felk.cvut.cz",
+    ),
+    (
+        "train-export.csv",
+        "\"image\",\"xmin\",\"ymin\",\"xmax\",\"ymax\",\"label\"\n\"a.jpg\",10,5,20,7,\"mug\"\n",
+        "tables of boxes",
+        "`bbox`",
+    ),
+    (
+        "annotation_train.odgt",
+        r#"{"ID": "a", "gtboxes": [{"fbox": [1, 2, 3, 4], "vbox": [1, 2, 3, 3]}]}"#,
+        "CrowdHuman",
+        "`fbox`",
+    ),
+    ("labels/a.txt", "0 0.5 0.5 0.25 0.125\n", "lines of YOLO", "`labels/train`"),
+    ("images/000001-meta.mat", "MATLAB 5.0 MAT-file", "YCB-Video", "bop.felk.cvut.cz"),
 ];
 
 #[test]
@@ -135,10 +186,18 @@ fn folders_of_other_datasets_are_named() {
     for (folders, what) in [
         (&["depth_ims", "modal_segmasks", "color_ims"][..], "WISDOM"),
         (&["instances", "instances_txt", "training"], "MOTS"),
-        (&["realsense", "kinect"], "GraspNet"),
+        (&["train/images", "train/instances/labels.txt"], "MOTS"),
+        (&["train/MOT17-02/gt/gt.txt"], "MOT challenge"),
+        (&["scenes/scene_0000/realsense", "scenes/scene_0000/kinect"], "GraspNet"),
+        (&["gtFine", "leftImg8bit"], "Cityscapes"),
+        (&["training/image_2", "training/label_2"], "KITTI's labels"),
+        (&["train/images", "train/labelTxt"], "DOTA"),
+        (&["training/v2.0/polygons"], "Mapillary"),
+        (&["01/gt.yml", "01/info.yml"], "T-LESS"),
+        (&["RGB", "SemSeg"], "semantic segmentation"),
     ] {
         let folder = tempfile::tempdir().expect("a folder");
-        folders.iter().for_each(|name| fs::create_dir(folder.path().join(name)).expect("a folder"));
+        folders.iter().for_each(|name| fs::create_dir_all(folder.path().join(name)).expect("a folder"));
         let error = refused(folder.path()).to_string();
         assert!(error.contains(what), "{what}: {error}");
     }
@@ -151,6 +210,7 @@ fn other_files_are_not_taken_for_datasets() {
         ("package.json", r#"{"name": "x", "score": 1, "shapes": 2}"#),
         ("a.xml", "<svg></svg>"),
         ("a.csv", "a,b\n1,2\n"),
+        ("a.txt", "1 2 3 4 5\n"),
     ] {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join(file);
