@@ -64,8 +64,9 @@ impl AnnotationStart {
     /// Reads the start of a file, once as long as the file does not change.
     pub fn of(file: &Path) -> Self {
         let Some(stamp) = settled_stamp(file) else { return Self::read(file) };
+        let path = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
         let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((of, start)) = known().get(file)
+        if let Some((of, start)) = known().get(&path)
             && *of == stamp
         {
             return start.clone();
@@ -75,7 +76,7 @@ impl AnnotationStart {
         if known.len() >= MOST_KNOWN {
             known.clear();
         }
-        known.insert(file.to_owned(), (stamp, start.clone()));
+        known.insert(path, (stamp, start.clone()));
         start
     }
 
