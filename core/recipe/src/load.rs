@@ -12,6 +12,7 @@ use crate::resolved::{self, ResolvedStage};
 use crate::schema::kinds::Schemas;
 use crate::tables::dataset::{Dataset, DatasetTable, Lock, LockTable};
 use crate::tables::loader::Loader;
+use crate::tables::noise;
 use crate::tables::placers;
 use crate::tables::pool::{Pool, PoolOptions};
 use crate::tables::rig::Rig;
@@ -112,6 +113,7 @@ impl<'r> ReadRecipe<'r> {
         let mut built = loader.build(&mut tree, &mut diagnostics);
         diagnostics.extend(placers::check(&built));
         let plan = plan(registry, &mut built, &overrides.wanted, &mut diagnostics);
+        diagnostics.extend(plan.as_ref().and_then(|plan| noise::check(&built, plan)));
         if let Some((lock, span)) = &lock {
             diagnostics.extend(sections::lock_mismatches(lock, span, registry));
         }

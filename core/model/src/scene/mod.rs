@@ -254,8 +254,8 @@ fn nothing_left(placed: u32, removed: &[Removal]) -> Error {
     let said: Vec<String> = said.collect();
     let reasons = if said.is_empty() { String::new() } else { format!(": {}", said.join(", ")) };
     Error::unlucky(format!("no object is left, of {placed} that were placed{reasons}")).help(
-        "where they fall off, drop them nearer to the middle of their support or take a larger one; where they still move, give them \
-         more time in [settle]",
+        "where they fall off, drop them nearer to the middle of their support or take a larger one; where they lie in a bin or on a \
+         shelf beside or below that support, set `settle.remove = \"keep\"`; where they still move, give them more time in [settle]",
     )
 }
 

@@ -40,6 +40,10 @@ pub trait Renderer: Send + Sync {
     fn label_surface(&self) -> LabelSurface {
         LabelSurface::First
     }
+    /// Number of random paths per pixel, at most; `None` if its images have no noise.
+    fn samples_per_pixel(&self) -> Option<u32> {
+        None
+    }
     /// One line about the cost of a view, for `syntable plan`.
     fn cost(&self) -> String;
 }

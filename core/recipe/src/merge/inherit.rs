@@ -10,8 +10,8 @@
 //! - `remove = ["write.npy"]` removes inherited values, before the child's own are added;
 //! - `[set]` reaches anywhere, by paths as in `--set`: `place.objects.count = 5` or `"lights[0].count" = 5`.
 
-use crate::merge::edit::{Position, by_index, display, read_path, remove, set};
-use crate::merge::graph::{Damage, Graph, strings, wrong_type};
+use crate::merge::edit::{Position, by_index, display, list_ids, read_path, remove, set};
+use crate::merge::graph::{Damage, Graph, GraphNode, strings, wrong_type};
 use crate::schema::kinds::KindSchema;
 use crate::text::code::Code;
 use crate::text::diagnostic::DiagnosticBuilder;
@@ -150,7 +150,25 @@ impl<'a> Graph<'a> {
             let old = std::mem::replace(options, DeTable::new());
             *options = old.into_iter().filter(|(name, _)| beside(&name.span()) || keeps(name.get_ref())).collect();
         }
-        set(tree, steps, value)
+        set(tree, steps, value).map_err(|diagnostic| match self.replaced_list(steps) {
+            Some((header, file)) => diagnostic.help(format!(
+                "the recipe's own {header} replaces all steps of {file}: repeat the steps there, or change single steps \
+                 by [set] alone"
+            )),
+            None => diagnostic,
+        })
+    }
+
+    /// The header of a list that a path leads into, and the file whose list has the step of the path's id. A recipe that
+    /// extends this file and has such a list itself replaces the file's list.
+    fn replaced_list(&self, steps: &[(Step, Span)]) -> Option<(String, &str)> {
+        let [(Step::Key(first), _), (Step::Key(id), _), ..] = steps else { return None };
+        let slot = Slot::ALL.into_iter().find(|slot| slot.name() == first && slot.shape() == Shape::List)?;
+        let has_id = |node: &&GraphNode| match node.table.get(slot.name()).map(Spanned::get_ref) {
+            Some(DeValue::Array(items)) => list_ids(items).contains(id),
+            _ => false,
+        };
+        Some((slot.header(""), self.nodes.iter().find(has_id)?.file.name()))
     }
 
     /// Whether a stage that gets this kind keeps an option of its former kind.

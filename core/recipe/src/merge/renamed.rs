@@ -50,14 +50,14 @@ impl RenamedNames<'_> {
         }))
     }
 
-    /// The error for an old product.
-    pub fn product(&self, name: &str, span: &Span) -> Option<DiagnosticBuilder> {
+    /// The error for an old product, and its new name.
+    pub fn product(&self, name: &str, span: &Span) -> Option<(DiagnosticBuilder, String)> {
         let listed = self.products.iter().find(|(old, _)| *old == name).map(|(_, new)| (*new).to_owned());
         let new = listed.or_else(|| before_support(name))?;
         let message = format!("the product `{name}` is called `{new}` now");
         let diagnostic =
             DiagnosticBuilder::error(Code::Renamed, span.clone(), message).label(format!("write \"{new}\""));
-        Some(diagnostic.change(Change::Word { old: name.to_owned(), new }))
+        Some((diagnostic.change(Change::Word { old: name.to_owned(), new: new.clone() }), new))
     }
 }
 

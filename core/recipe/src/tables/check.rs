@@ -23,6 +23,8 @@ pub(crate) struct Checked {
     pub references: Vec<Reference>,
     /// Options of the table that are wrong, or that have a mistake inside.
     pub wrong: BTreeSet<String>,
+    /// Options under old names: the path and the new path of each.
+    pub renamed: Vec<(Vec<Step>, String)>,
 }
 
 /// Checks a table of options. `owner` names it in messages; `header` is where missing keys are reported.
@@ -59,6 +61,9 @@ pub(crate) fn options(
             _ => None,
         })
         .collect();
+    let old_names = findings.iter().filter(|finding| matches!(finding.problem, Problem::UnknownKey { .. }));
+    let renamed = old_names.filter_map(|finding| Some((finding.path.clone(), new_name(&finding.path)?.to_owned())));
+    let renamed = renamed.collect();
     let diagnostics = findings
         .into_iter()
         .filter(|finding| {
@@ -69,7 +74,7 @@ pub(crate) fn options(
             _ => diagnostic(finding),
         })
         .collect();
-    Checked { diagnostics, references, wrong }
+    Checked { diagnostics, references, wrong, renamed }
 }
 
 /// The diagnostic for a key that has another name now.
@@ -108,6 +113,9 @@ fn diagnostic(finding: Finding) -> DiagnosticBuilder {
         Problem::WrongType { length: Some(2), found: TomlType::String, text, .. } if size_of(&text).is_some() => {
             let [width, height] = size_of(&text).unwrap_or_default();
             error(Code::WrongType).label(format!("write [{width}, {height}]"))
+        }
+        Problem::WrongType { length: Some(length), found, text, .. } if found != TomlType::Array => {
+            error(Code::WrongType).label(array_label(length, found, &text))
         }
         Problem::WrongType { wanted, found, text, .. } => {
             error(Code::WrongType).label(type_label(wanted, found, &text))
@@ -161,6 +169,13 @@ fn type_label(wanted: Option<TomlType>, found: TomlType, text: &str) -> String {
         (Some(TomlType::Integer | TomlType::Float), TomlType::String) if text.trim().parse::<f64>().is_ok() => {
             format!("{this}; write it without quotes")
         }
+        (Some(TomlType::Integer | TomlType::Float), TomlType::String) if is_number_with_unit(text) => {
+            format!("{this}; write a bare number, in the unit that the option's name states")
+        }
+        (Some(TomlType::Integer | TomlType::Float), TomlType::Table) => {
+            format!("{this}; write one number, since this option is not random")
+        }
+        (Some(TomlType::String), TomlType::Array) => format!("{this}; write one string, without `[ ]`"),
         (Some(TomlType::Boolean), TomlType::String) if text == "true" || text == "false" => {
             format!("{this}; write it without quotes")
         }
@@ -170,6 +185,23 @@ fn type_label(wanted: Option<TomlType>, found: TomlType, text: &str) -> String {
         (Some(TomlType::Array), _) => format!("{this}; put it in `[ ]` for an array of one"),
         _ => this,
     }
+}
+
+/// Describes a value that should be an array of some length, and shows how to write the array.
+fn array_label(length: u64, found: TomlType, text: &str) -> String {
+    let this = format!("this is {}", found.with_article());
+    match found {
+        TomlType::Integer | TomlType::Float if (2..=4).contains(&length) => {
+            format!("{this}; write {length} of them, such as [{}]", vec![text; length as usize].join(", "))
+        }
+        _ => format!("{this}; write {length} values in `[ ]`"),
+    }
+}
+
+/// Whether a text is a number and a unit, such as `5 s` or `30deg`.
+fn is_number_with_unit(text: &str) -> bool {
+    let number = text.trim_end_matches(|letter: char| letter.is_alphabetic() || letter == '°').trim();
+    number.len() < text.trim().len() && number.parse::<f64>().is_ok()
 }
 
 /// The element of an array of one number, such as `[3]`.

@@ -163,9 +163,16 @@ impl Loader<'_, '_> {
                     }
                 }
                 ReferenceKind::Product => match self.renamed.product(&reference.text, &reference.span) {
-                    Some(diagnostic) => {
+                    Some((diagnostic, new)) => {
                         diagnostics.push(diagnostic);
-                        found.wrong.extend(first_key(&reference.path));
+                        match recipe_at_mut(&mut given.table, &reference.path).map(RecipeValue::get_mut) {
+                            // The product under its new name, so that the old name hides no other mistake.
+                            Some(value @ DeValue::String(_)) => {
+                                *value = DeValue::String(new.clone().into());
+                                found.add(None, Reference { text: new, ..reference }, names);
+                            }
+                            _ => found.wrong.extend(first_key(&reference.path)),
+                        }
                     }
                     None => found.add(None, reference, names),
                 },
@@ -325,7 +332,8 @@ fn folder_for_file(reference: &Reference, path: &Path) -> DiagnosticBuilder {
     DiagnosticBuilder::error(Code::InvalidValue, reference.span.clone(), message).label("name a file in it")
 }
 
-fn recipe_at_mut<'t, 'a>(table: &'t mut DeTable<'a>, path: &[Step]) -> Option<&'t mut RecipeValue<'a>> {
+/// The value at a path.
+pub(crate) fn recipe_at_mut<'t, 'a>(table: &'t mut DeTable<'a>, path: &[Step]) -> Option<&'t mut RecipeValue<'a>> {
     let [Step::Key(first), rest @ ..] = path else { return None };
     rest.iter().try_fold(table.get_mut(first.as_str())?, |value, step| match (value.get_mut(), step) {
         (DeValue::Table(table), Step::Key(key)) => table.get_mut(key.as_str()),

@@ -6,6 +6,7 @@ use crate::tables::alternatives::{ONE_OF, has_alternatives};
 use crate::tables::check;
 use crate::tables::conditions::ViewOptions;
 use crate::tables::loader::Loader;
+use crate::tables::old_names::rename;
 use crate::tables::pool::PoolOptions;
 use crate::tables::references::{Draw, PoolNames, StageReferences, at_mut};
 use crate::tables::refusals::SharedOptions;
@@ -134,7 +135,14 @@ impl<'r> Loader<'_, 'r> {
         };
         let Some(entry) = self.chosen(entry, &given, built, diagnostics) else { return false };
         let Some(kind) = self.schemas.kind(given.slot, entry.kind) else { return false };
-        let checked = self.checked(entry, kind, &given);
+        let mut checked = self.checked(entry, kind, &given);
+        if !checked.renamed.is_empty() {
+            let (told, _): (Vec<_>, Vec<_>) =
+                std::mem::take(&mut checked.diagnostics).into_iter().partition(|it| it.code == Code::Renamed);
+            diagnostics.extend(told);
+            checked.renamed.iter().for_each(|(old, new)| rename(&mut given.table, old, new));
+            checked = self.checked(entry, kind, &given);
+        }
         let valid = checked.diagnostics.is_empty();
         diagnostics
             .extend(checked.diagnostics.into_iter().map(|diagnostic| self.of_another_kind(diagnostic, &given, kind)));

@@ -195,6 +195,12 @@ codes! {
          objects that are annotated. Or a stage names a support that no step sets. Steps run in the order of the recipe.",
         "Remove one of two steps that set the same, or put the step that sets the part before those that need it. \
          Without objects, add a `drop_box`. Correct the name of a support: the message lists those that exist.";
+    /// Few samples without a denoiser. A warning.
+    Noise = "D0027", "the images have much noise",
+        "The renderer follows few random paths per pixel, and no denoiser removes their noise. A net that learns from such \
+         images learns the noise, too.",
+        "Add the section `[denoise]` with `kind = \"guided\"`, or raise `samples_per_pixel`. Noise falls with the square \
+         root of the samples.";
 }
 
 impl fmt::Display for Code {

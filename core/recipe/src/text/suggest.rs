@@ -23,6 +23,9 @@ const SYNONYMS: &[(&str, &[&str])] = &[
     ("objects", &["from"]),
     ("materials", &["material", "from"]),
     // Of quantities.
+    ("uniform", &["integers"]),
+    ("integers", &["uniform"]),
+    ("range", &["uniform", "integers"]),
     ("num_objects", &["count"]),
     ("number", &["count"]),
     ("num", &["count"]),
@@ -157,6 +160,7 @@ mod tests {
         check("sceen", &["seed", "scenes"], Some("scenes"));
         check("same", &["same"], None);
         check("mask", &["amodal_mask", "visible_mask"], Some("visible_mask"));
+        check("uniform", &["choice", "integers"], Some("integers"));
         check("num_scenes", &["seed", "scenes"], Some("scenes"));
         check("path", &["path_m", "root"], Some("root"));
     }

@@ -83,6 +83,10 @@ impl Renderer for CpuPathRenderer {
         self.options.blended_labels.surface()
     }
 
+    fn samples_per_pixel(&self) -> Option<u32> {
+        Some(self.options.samples_per_pixel)
+    }
+
     fn cost(&self) -> String {
         self.options.cost()
     }
