@@ -1,5 +1,8 @@
 //! Drawing for people: colors, masks and outlines over images, and panels side by side.
 
+pub mod legend;
+pub mod text;
+
 use syntable_model::prelude::*;
 use syntable_model::product::{PerInstance, Plane};
 
@@ -40,6 +43,13 @@ impl DrawCanvas {
             y += row.height() + GAP;
         }
         canvas
+    }
+
+    /// The same with more rows of background below.
+    pub fn taller(&self, rows: u32) -> Plane<DrawColor> {
+        let mut sheet = Plane::from_fn(self.width(), self.height() + rows, |_, _| BACKGROUND);
+        paste(&mut sheet, &self.0, 0, 0);
+        sheet
     }
 
     /// Width, px.

@@ -1,7 +1,8 @@
 //! Contact sheets: views, masks and occlusion side by side.
 
+use syntable_formats::draw::legend::{Legend, LegendSample};
 use syntable_formats::draw::{self, DrawCanvas};
-use syntable_formats::encode::png::{PngImage, PngSamples};
+use syntable_formats::encode::png::PngImage;
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
@@ -11,7 +12,8 @@ use syntable_model::product::standard::{AMODAL_MASK, DEPTH, OCCLUSION_MASK, RGB,
 ///
 /// # Behavior
 ///
-/// Each view is a row of panels. Every instance has its own color, the same in all panels and views of a scene.
+/// Each view is a row of panels. Every instance has its own color, the same in all panels and views of a scene. A legend
+/// below explains the panels, if the sheet is wide enough.
 ///
 /// # Output
 ///
@@ -83,13 +85,13 @@ impl ImageWriter for ContactSheet {
         let panels = panels.collect::<Result<Vec<_>>>()?;
         sheet.rows.push(DrawCanvas::beside(&panels));
         if sheet.rows.len() as u32 == self.views_per_sheet {
-            sheet.write(cx.scene_id.0, output)?;
+            sheet.write(&self.panels, cx.scene_id.0, output)?;
         }
         Ok(())
     }
 
     fn close(&self, mut sheet: SheetRows, cx: &ImagesContext, _: &Products, output: &Output) -> Result<()> {
-        if sheet.rows.is_empty() { Ok(()) } else { sheet.write(cx.scene_id.0, output) }
+        if sheet.rows.is_empty() { Ok(()) } else { sheet.write(&self.panels, cx.scene_id.0, output) }
     }
 
     fn paths(&self, of: &FileOf) -> Vec<String> {
@@ -116,16 +118,34 @@ pub struct SheetRows {
 }
 
 impl SheetRows {
-    fn write(&mut self, scene: u32, output: &Output) -> Result<()> {
-        let sheet = DrawCanvas::below(&std::mem::take(&mut self.rows));
+    fn write(&mut self, panels: &[Panel], scene: u32, output: &Output) -> Result<()> {
+        let rows = DrawCanvas::below(&std::mem::take(&mut self.rows));
+        let legend = Legend::new(&legend(panels), rows.width());
+        let mut sheet = rows.taller(legend.height());
+        legend.draw(&mut sheet, rows.height());
         let path = sheet_path(output.id(), scene, self.written);
         self.written += 1;
-        let (width, height) = (sheet.width(), sheet.height());
-        PngImage { width, height, samples: PngSamples::Rgb8(sheet.data().as_flattened().to_vec()) }.write(output, &path)
+        PngImage::rgb(&sheet).write(output, &path)
     }
 }
 
+/// The texts of a sheet's legend.
+fn legend(panels: &[Panel]) -> Vec<(LegendSample, &'static str)> {
+    let rows = (LegendSample::None, "A row is a view. From left to right:");
+    std::iter::once(rows).chain(panels.iter().flat_map(|panel| panel.legend()).copied()).collect()
+}
+
 impl Panel {
+    /// The texts about the panel in the legend.
+    fn legend(self) -> &'static [(LegendSample, &'static str)] {
+        match self {
+            Self::Rgb => &[(LegendSample::None, "the image")],
+            Self::Visible => &[(LegendSample::Filled, "visible masks by object")],
+            Self::Occlusion => &[(LegendSample::Outlined, "amodal outlines"), (LegendSample::Filled, "occluded parts")],
+            Self::Depth => &[(LegendSample::None, "depth, near is bright")],
+        }
+    }
+
     /// Draws the panel at full size, to be shrunk to `shown` columns.
     fn draw(self, products: &Products, width: u32, shown: u32) -> Result<Plane<[u8; 3]>> {
         // Lines of this width are one pixel wide after the panel is shrunk.

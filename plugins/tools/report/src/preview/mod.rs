@@ -19,7 +19,6 @@ mod session;
 mod sheet;
 mod shot;
 mod studio;
-mod text;
 mod watch;
 
 pub use session::{Preview, PreviewOptions};

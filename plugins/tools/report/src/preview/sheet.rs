@@ -2,12 +2,12 @@
 
 use super::cell::{BACKGROUND, GAP};
 use super::shot::Shot;
-use super::text::{self, CHARACTER, LINE};
 use std::sync::Arc;
+use syntable_formats::draw::legend::{Legend, LegendSample};
+use syntable_formats::draw::text::{self, CHARACTER, LINE};
 use syntable_formats::draw::{self, DrawColor};
 use syntable_formats::encode::png::PngImage;
 use syntable_model::error::Result;
-use syntable_model::prelude::*;
 use syntable_model::product::Plane;
 
 /// Distance of a text from the border of its cell, px.
@@ -16,11 +16,6 @@ const PADDING: u32 = 6;
 const COLUMNS: usize = 120;
 /// Maximum number of lines of a text.
 const MAX_LINES: usize = 200;
-
-/// Width of a sheet below which it has no legend, px: few words would fit.
-const LEGEND_WIDTH: u32 = 40 * CHARACTER;
-/// Edge of a sample of color in the legend, px.
-const SAMPLE: u32 = 9;
 
 /// Text field of the PNG file that identifies a sheet.
 const MARK: (&str, &str) = ("Software", "syntable preview");
@@ -70,14 +65,6 @@ pub struct Sheet {
     pub labels: bool,
 }
 
-/// Sample of color before a text of the legend.
-#[derive(Clone, Copy, PartialEq)]
-enum LegendSample {
-    None,
-    Filled,
-    Outlined,
-}
-
 /// The legend of a sheet: what its rows, columns and colors mean.
 fn legend(labels: bool) -> Vec<(LegendSample, &'static str)> {
     let mut items = vec![(LegendSample::None, "A row is a scene, a column is a view.")];
@@ -90,43 +77,6 @@ fn legend(labels: bool) -> Vec<(LegendSample, &'static str)> {
         ]);
     }
     items
-}
-
-/// Lines of the legend that fit into a width, each with the left edges of its texts. Empty on a narrow sheet.
-fn legend_lines(labels: bool, width: u32) -> Vec<Vec<(u32, LegendSample, &'static str)>> {
-    let mut lines: Vec<Vec<(u32, LegendSample, &'static str)>> = Vec::new();
-    if width < LEGEND_WIDTH {
-        return lines;
-    }
-    let mut x = width;
-    for (sample, text) in legend(labels) {
-        let before = if sample == LegendSample::None { 0 } else { SAMPLE + PADDING };
-        let needed = before + text.len() as u32 * CHARACTER;
-        if x + needed + GAP > width {
-            lines.push(Vec::new());
-            x = GAP;
-        }
-        lines.last_mut().into_iter().for_each(|line| line.push((x, sample, text)));
-        x += needed + 2 * CHARACTER;
-    }
-    lines
-}
-
-/// Draws a line of the legend.
-fn put_legend(sheet: &mut Plane<DrawColor>, line: &[(u32, LegendSample, &str)], y: u32) {
-    for &(x, sample, words) in line {
-        let mut left = x;
-        if sample != LegendSample::None {
-            let is_edge = |at: u32| at == 0 || at == SAMPLE - 1;
-            let color = draw::color(InstanceId(1));
-            let panel = Plane::from_fn(SAMPLE, SAMPLE, |i, j| {
-                if sample == LegendSample::Filled || is_edge(i) || is_edge(j) { color } else { BACKGROUND }
-            });
-            draw::paste(sheet, &panel, x, y + (LINE - SAMPLE) / 2);
-            left += SAMPLE + PADDING;
-        }
-        text::draw(sheet, words, [left, y], CAPTION);
-    }
 }
 
 impl Sheet {
@@ -144,9 +94,8 @@ impl Sheet {
         let heights: Vec<u32> = sizes.chunks(columns).map(|row| largest(&mut row.iter(), 1).unwrap_or(0)).collect();
         let whole = |sizes: &[u32], more: u32| sizes.iter().map(|size| size + more + GAP).sum::<u32>() + GAP;
         let width = whole(&widths, 0);
-        let legend = legend_lines(self.labels, width);
-        let below = if legend.is_empty() { 0 } else { legend.len() as u32 * LINE + GAP };
-        let mut sheet = Plane::from_fn(width, whole(&heights, LINE) + below, |_, _| BACKGROUND);
+        let legend = Legend::new(&legend(self.labels), width);
+        let mut sheet = Plane::from_fn(width, whole(&heights, LINE) + legend.height(), |_, _| BACKGROUND);
         let mut y = GAP;
         for (row, height) in heights.iter().enumerate() {
             let mut x = GAP;
@@ -160,10 +109,7 @@ impl Sheet {
             }
             y += height + LINE + GAP;
         }
-        for line in &legend {
-            put_legend(&mut sheet, line, y);
-            y += LINE;
-        }
+        legend.draw(&mut sheet, y);
         sheet
     }
 
@@ -239,6 +185,7 @@ pub fn is_png(bytes: &[u8]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use syntable_model::scene::InstanceId;
 
     fn sheet(cells: Vec<SheetCell>) -> Sheet {
         Sheet { scenes: vec![0, 1], views: vec![0, 1], cells, expected: [80, 60], labels: false }
@@ -290,18 +237,8 @@ mod tests {
         assert_eq!(plain(&of(300, false)), LINE + GAP);
         // Two or three lines of at most 85 characters.
         let drawn = of(300, true);
+        assert!(drawn.data().contains(&draw::color(InstanceId(1))));
         assert!(plain(&drawn) > LINE + GAP && plain(&drawn) < 4 * LINE, "{}", plain(&drawn));
-        let color = draw::color(InstanceId(1));
-        let area = 2 * SAMPLE * SAMPLE + 4 * (SAMPLE - 1);
-        assert_eq!(drawn.data().iter().filter(|pixel| **pixel == color).count() as u32, area);
-        // No text is cut at the right edge.
-        for width in 140..700 {
-            for line in legend_lines(true, width * 2) {
-                let (x, sample, words) = line.last().copied().expect("a text");
-                let before = if sample == LegendSample::None { 0 } else { SAMPLE + PADDING };
-                assert!(x + before + words.len() as u32 * CHARACTER + GAP <= width * 2, "{width}: {words}");
-            }
-        }
     }
 
     #[test]

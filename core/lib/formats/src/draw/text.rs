@@ -1,5 +1,6 @@
 //! Text in images, in a monospaced font.
 
+use crate::draw::DrawColor;
 use embedded_graphics::draw_target::DrawTarget;
 use embedded_graphics::geometry::{OriginDimensions, Point, Size};
 use embedded_graphics::mono_font::iso_8859_1::FONT_7X13;
@@ -8,7 +9,6 @@ use embedded_graphics::pixelcolor::{Rgb888, RgbColor};
 use embedded_graphics::text::{Baseline, Text};
 use embedded_graphics::{Drawable, Pixel};
 use std::convert::Infallible;
-use syntable_formats::draw::DrawColor;
 use syntable_model::product::Plane;
 
 const FONT: MonoFont = FONT_7X13;
