@@ -101,6 +101,34 @@ fn an_asset_that_cannot_be_read_for_a_while_changes_nothing() {
     assert_eq!(stopped, tries / 2);
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_failing_disk_is_not_called_damage() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let home = folder.path().canonicalize().expect("there");
+    let Some(library) = shim(&home) else { return };
+    let data = home.join("data");
+    ok(&mut small_run(&data, &[]));
+    let manifest = ".syntable/manifests/000000.json";
+    for (inside, verb) in [("data", "verify"), (manifest, "verify"), (manifest, "run"), (".syntable/shards", "run")] {
+        assert!(data.join(inside).exists(), "{inside}");
+        let mut command = match verb {
+            "run" => small_run(&data, &[]),
+            _ => syntable(),
+        };
+        if verb == "verify" {
+            command.arg(verb).arg(&data);
+        }
+        command.env("LD_PRELOAD", &library).env("FAULT_BELOW", data.join(inside));
+        // EIO, whenever the file is opened.
+        command.env("FAULT_AT", "1").env("FAULT_COUNT", "1000000").env("FAULT_ERRNO", "5");
+        let error = fails(&mut command, 1);
+        assert!(error.contains("input/output error") && error.contains("may be sound"), "{inside}, {verb}: {error}");
+        assert!(!error.contains("damaged"), "{inside}, {verb}: {error}");
+    }
+    ok(syntable().arg("verify").arg(&data));
+}
+
 #[test]
 fn a_log_that_cannot_be_written_changes_nothing() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -155,7 +155,7 @@ impl Finish {
         let path = shared_path(&self.id, scene, digest)?;
         let full = self.dataset.name_of(&path);
         let mut bytes = Vec::new();
-        self.open(&path)?.read_to_end(&mut bytes).map_err(|error| Error::io(&full, &error).help(DAMAGED))?;
+        self.open(&path)?.read_to_end(&mut bytes).map_err(|error| unreadable(Error::io(&full, &error)))?;
         if Digest::of(&bytes) != digest {
             return Err(Error::new("the file has other bytes than its name says").in_file(&full).help(DAMAGED));
         }
@@ -163,9 +163,8 @@ impl Finish {
     }
 
     fn open(&self, path: &DatasetPath) -> Result<StoredFile> {
-        let opened = self.dataset.open(path).map_err(|error| error.help(DAMAGED))?;
-        let gone = || Error::io(self.dataset.name_of(path), &std::io::ErrorKind::NotFound.into()).help(DAMAGED);
-        opened.ok_or_else(gone)
+        let gone = || Error::io(self.dataset.name_of(path), &std::io::ErrorKind::NotFound.into());
+        self.dataset.open(path).and_then(|opened| opened.ok_or_else(gone)).map_err(unreadable)
     }
 
     /// Writes a file of the dataset, whole or not at all.
@@ -188,8 +187,21 @@ impl Finish {
     }
 }
 
-/// The remedy for a file that the end of a run cannot read.
-const DAMAGED: &str = "the dataset is damaged; a run with `options.repair` makes the scene again";
+/// The remedy for a wrong or missing file of a scene.
+pub const DAMAGED: &str = "the dataset is damaged; a run with `options.repair` makes the scene again";
+
+/// The remedy for a file that a disk or a network did not deliver.
+const UNDELIVERED: &str =
+    "the disk or the network failed, and the file may be sound: mend it, then run the same command";
+
+/// Adds the remedy to the error of a dataset's file that cannot be read. Only wrong content means damage.
+pub fn unreadable(error: Error) -> Error {
+    match error.help_text() {
+        Some(_) => error,
+        None if error.is_transient() => error.help(UNDELIVERED),
+        None => error.help(DAMAGED),
+    }
+}
 
 /// Path of a writer's shard of a scene.
 ///
@@ -259,6 +271,21 @@ mod tests {
             finish.write("a/none", |_| Err(Error::new("no"))).expect_err("it fails");
         }
         assert_eq!(store.files().len(), 2);
+    }
+
+    #[test]
+    fn only_wrong_content_means_damage() {
+        let of = |error: std::io::Error| unreadable(Error::io("a", &error)).to_string();
+        // EIO, EACCES, ESTALE.
+        for code in [5, 13, 116] {
+            let said = of(std::io::Error::from_raw_os_error(code));
+            assert!(said.contains("may be sound") && !said.contains("damaged"), "{said}");
+        }
+        for kind in [std::io::ErrorKind::NotFound, std::io::ErrorKind::UnexpectedEof] {
+            let said = of(kind.into());
+            assert!(said.contains("damaged") && !said.contains("sound"), "{said}");
+        }
+        assert_eq!(unreadable(Error::new("no").help("do so")).to_string(), "no (do so)");
     }
 
     #[test]

@@ -2,10 +2,10 @@
 
 use crate::json::unwritable;
 use serde::Serialize;
-use std::io::BufRead;
+use std::io::{self, BufRead};
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::SceneId;
-use syntable_model::stage::Finish;
+use syntable_model::stage::{DAMAGED, Finish, unreadable};
 
 /// Appends a value as one line.
 pub fn push_line(lines: &mut Vec<u8>, value: &impl Serialize) -> Result<()> {
@@ -32,13 +32,17 @@ pub fn for_each_line_of(finish: &Finish, scene: SceneId, mut each: impl FnMut(&s
                 Some(line) => each(line)?,
                 None => return Err(damaged(finish, scene, "ends in the middle of a line")),
             },
-            Err(error) => return Err(damaged(finish, scene, &format!("cannot be read: {error}"))),
+            Err(error) => return Err(unread(finish, scene, &error)),
         }
     }
 }
 
 fn damaged(finish: &Finish, scene: SceneId, what: &str) -> Error {
-    Error::new(format!("the shard of scene {} {what}", scene.0))
-        .context(format!("write.{}", finish.id()))
-        .help("the dataset is damaged; a run with `options.repair` makes the scene again")
+    Error::new(format!("the shard of scene {} {what}", scene.0)).context(format!("write.{}", finish.id())).help(DAMAGED)
+}
+
+/// The error of a shard that its disk or network did not deliver, or that is not text.
+pub fn unread(finish: &Finish, scene: SceneId, error: &io::Error) -> Error {
+    let shard = format!("the shard of scene {}", scene.0);
+    unreadable(Error::io(shard, error)).context(format!("write.{}", finish.id()))
 }

@@ -9,6 +9,7 @@ use std::path::Path;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
+use syntable_model::stage::unreadable;
 use syntable_model::store::{Kind, StoreFolder};
 
 /// Files by their path, relative to the dataset, with `/` between folders.
@@ -89,7 +90,7 @@ impl Stamp {
             None => FileState::Missing,
             Some(there) if there.kind == Kind::Link => FileState::Linked,
             Some(there) if there.kind != Kind::File || there.size != self.0 => FileState::Damaged,
-            Some(_) if Self::of(dataset, path)? == *self => FileState::Whole,
+            Some(_) if Self::of(dataset, path).map_err(unreadable)? == *self => FileState::Whole,
             Some(_) => FileState::Damaged,
         })
     }
@@ -132,7 +133,8 @@ impl Manifest {
 
     /// Reads a manifest, with its digest. Returns `None` if the file is missing or not a manifest.
     pub fn read(dataset: &StoreFolder, path: &DatasetPath) -> Result<Option<(Self, String)>> {
-        let Some(text) = read_list(dataset, path)?.and_then(|bytes| String::from_utf8(bytes).ok()) else {
+        let Some(text) = read_list(dataset, path).map_err(unreadable)?.and_then(|bytes| String::from_utf8(bytes).ok())
+        else {
             return Ok(None);
         };
         let manifest: Option<Self> = serde_json::from_str(&text).ok();

@@ -7,7 +7,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::limits::SCENE_RECORD_BYTES;
 use syntable_model::product::{KeyId, Products};
 use syntable_model::scene::SceneId;
-use syntable_model::stage::{Output, RecordedScene};
+use syntable_model::stage::{DAMAGED, Output, RecordedScene, unreadable};
 use syntable_model::store::StoreFolder;
 use syntable_recipe::plan::Plan;
 
@@ -48,14 +48,11 @@ impl Records {
     pub fn read(dataset: &StoreFolder, scene: SceneId) -> Result<RecordedScene> {
         let path = syntable_model::stage::shard_path(OWNER, scene)?;
         let name = dataset.name_of(&path);
-        let help = "the dataset is damaged; a run with `options.repair` makes the scene again";
-        let text = read_bounded(dataset, &path, &SCENE_RECORD_BYTES).map_err(|error| match error.help_text() {
-            Some(_) => error,
-            None => error.help(help),
-        })?;
-        let text = text.ok_or_else(|| Error::new("the file is missing").in_file(&name).help(help))?;
+        let wrong = |message: String| Error::new(message).in_file(&name).help(DAMAGED);
+        let text = read_bounded(dataset, &path, &SCENE_RECORD_BYTES).map_err(unreadable)?;
+        let text = text.ok_or_else(|| wrong("the file is missing".to_owned()))?;
         let Self { scene: scene_values, views: view_values } =
-            serde_json::from_slice(&text).map_err(|error| Error::new(error.to_string()).in_file(&name).help(help))?;
+            serde_json::from_slice(&text).map_err(|error| wrong(error.to_string()))?;
         Ok(RecordedScene { scene, scene_values, view_values })
     }
 }

@@ -6,7 +6,7 @@ use super::model::{BopModel, TEXTURE};
 use super::record::ViewRecord;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
-use syntable_formats::encode::json_shard::push_line;
+use syntable_formats::encode::json_shard::{push_line, unread};
 use syntable_formats::encode::tar::{TarWriter, for_each_member};
 use syntable_model::digest::Digest;
 use syntable_model::prelude::*;
@@ -93,7 +93,7 @@ fn members(finish: &Finish, scene: SceneId, each: impl FnMut(&str, &mut dyn Read
 
 fn content(finish: &Finish, scene: SceneId, member: &mut dyn Read) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    member.read_to_end(&mut bytes).map_err(|_| damaged(finish, scene))?;
+    member.read_to_end(&mut bytes).map_err(|error| unread(finish, scene, &error))?;
     Ok(bytes)
 }
 

@@ -19,6 +19,7 @@ use syntable_formats::json::of_product;
 use syntable_model::files::read_small;
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
+use syntable_model::stage::DAMAGED;
 
 /// Writes text files of any format from a [Tera](https://keats.github.io/tera/docs) template.
 ///
@@ -294,8 +295,7 @@ impl Writer for TemplateWriter {
                     .help("include fewer or smaller products, or write one file per scene"));
             }
             let read = serde_json::from_str(line).map_err(|error| {
-                Error::new(format!("the shard of scene {} is not JSON: {error}", scene.0))
-                    .help("the dataset is damaged; a run with `options.repair` makes the scene again")
+                Error::new(format!("the shard of scene {} is not JSON: {error}", scene.0)).help(DAMAGED)
             });
             scenes.push(read?);
             Ok(())
