@@ -385,7 +385,7 @@ impl Default for CpuPath {
 pub struct Outline {}
 
 macro_rules! renderer {
-    ($($name:ident, $kind:literal => $($key:expr),*;)*) => {$(
+    ($($name:ident, $kind:literal, $samples:expr => $($key:expr),*;)*) => {$(
         impl $name {
             fn validate(&self) -> Result<(), ConfigError> {
                 Ok(())
@@ -399,13 +399,20 @@ macro_rules! renderer {
             fn open(&self, _: usize) -> Result<Box<dyn RenderSession>> {
                 nothing()
             }
+            fn samples_per_pixel(&self) -> Option<u32> {
+                let samples: fn(&Self) -> Option<u32> = $samples;
+                samples(self)
+            }
             fn cost(&self) -> String {
                 String::new()
             }
         }
     )*};
 }
-renderer! { CpuPath, "cpu_path" => RADIANCE, DEPTH, INSTANCE; Outline, "outline" => INSTANCE; }
+renderer! {
+    CpuPath, "cpu_path", |it| Some(it.samples_per_pixel) => RADIANCE, DEPTH, INSTANCE;
+    Outline, "outline", |_| None => INSTANCE;
+}
 
 /// Visible and amodal masks.
 #[derive(Default, Serialize, Deserialize, JsonSchema)]
