@@ -9,6 +9,7 @@
 //! | `decisions` | permitted changes to a folder: continue it, grow it, or leave it unchanged; the list of work |
 //! | [`making`] | scenes: attempts, the walk over a scene, sessions, the queue, writers, losses, times |
 //! | `finish` | annotators of the dataset, and the last step of writers |
+//! | [`forecast`] | the time and disk space of a run, measured on its first scenes |
 //! | `merge`, `convert`, [`preview`] | one dataset of several parts; a dataset in other formats; single views without a dataset |
 //! | [`progress`], [`stop`], `panics`, `scene_range` | events and their listeners; early ends; panics as errors; scenes by number |
 
@@ -17,6 +18,7 @@ mod convert;
 pub mod dataset;
 mod decisions;
 pub(crate) mod finish;
+pub mod forecast;
 pub mod making;
 mod merge;
 mod options;
@@ -38,6 +40,7 @@ pub use scene_range::SceneRange;
 use crate::workers::{Pool, Stoppable};
 use decisions::opening::{self, CheckedRun};
 use making::scenes::MadeScenes;
+use making::times::Times;
 use making::{first_scene, scenes};
 use outcome::stopping;
 use progress::{Event, Guarded, Once, Reporter, Warnings};
@@ -47,6 +50,11 @@ use syntable_recipe::Recipe;
 
 /// Runs a recipe. After an error, finished work remains, and the same call continues.
 pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Result<RunOutcome> {
+    run_timed(recipe, options, reporter, &Times::default())
+}
+
+/// Runs a recipe, and adds the working times of its stages to `times`.
+fn run_timed(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter, times: &Times) -> Result<RunOutcome> {
     let start = Instant::now();
     let guarded = Guarded(reporter);
     let reporter = &Once::new(&guarded);
@@ -57,7 +65,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let aside = if options.overwrite { first_scene::replace(recipe, options, &folder, reporter)? } else { None };
     let begun = checked.begin(folder, aside, &pool, reporter)?;
     let MadeScenes { folder, journal, resolved, new, grown, lacking, told } =
-        scenes::make(recipe, options, &pool, reporter, begun)?;
+        scenes::make(recipe, options, (&pool, times), reporter, begun)?;
     let workers = &Stoppable { workers: &pool, stop: &options.stop };
     let end = || finish::end(recipe, reporter, workers, &folder, journal, &resolved, (options.repair, &wanted, &told));
     let outcome = panics::unwound(end).map_err(stopping)?;

@@ -13,6 +13,8 @@ pub struct RunOptions {
     pub scenes: Option<Range<u32>>,
     /// Number of threads.
     pub threads: usize,
+    /// Maximum number of scenes in progress at once; `None`: one per thread. The dataset does not depend on it.
+    pub scenes_in_flight: Option<usize>,
     /// Load native libraries that the recipe names by a relative path. They are code of the recipe's author.
     pub allow_libraries: bool,
     /// Delete an existing dataset.
@@ -38,6 +40,7 @@ impl RunOptions {
             out,
             scenes: None,
             threads,
+            scenes_in_flight: None,
             allow_libraries: false,
             overwrite: false,
             retry_failed: false,

@@ -16,6 +16,10 @@ use kit::{Counters, run};
 use std::time::{Duration, Instant};
 use syntable_model::registry::Registry;
 use syntable_recipe::{Overrides, Source};
+use syntable_runtime::cache::DiskCache;
+use syntable_runtime::run::forecast::{Bound, ForecastOptions, forecast};
+use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::run::stop::Stop;
 use syntable_testing::folder::files;
 
 /// Number of scenes and of views of each, and the time to compose a scene, render a view and annotate a view, ms.
@@ -25,16 +29,19 @@ const COMPOSE_MS: u64 = 60;
 const RENDER_MS: u64 = 25;
 const ANNOTATE_MS: u64 = 25;
 
-fn slow(out: &std::path::Path, threads: usize) -> Duration {
-    let recipe = format!(
+fn slow_recipe() -> String {
+    format!(
         "[dataset]\nscenes = {SCENES}\nviews_per_scene = {VIEWS}\nname = \"slow\"\n\
          [[place]]\nkind = \"boxes\"\nsleep_ms = {COMPOSE_MS}\n\
          [render]\nkind = \"sleeper\"\nsleep_ms = {RENDER_MS}\n\
          [annotate.thinker]\nsleep_ms = {ANNOTATE_MS}\n\
          [write.lines]\ninclude = [\"thought\", \"light\"]\n"
-    );
+    )
+}
+
+fn slow(out: &std::path::Path, threads: usize) -> Duration {
     let start = Instant::now();
-    run(&recipe, out, threads).expect("the run ends well");
+    run(&slow_recipe(), out, threads).expect("the run ends well");
     start.elapsed()
 }
 
@@ -54,6 +61,31 @@ fn one_render_session_overlaps_with_everything_else() {
         slow(&out, threads);
         assert_eq!(files(&out), files(&folder.path().join("two")), "{threads} threads");
     }
+}
+
+#[test]
+fn a_forecast_agrees_with_the_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let took = slow(&folder.path().join("data"), 2);
+    let source = Source::embedded("test.toml", slow_recipe());
+    let (recipe, _) =
+        syntable_recipe::load(&kit::registry(), source, &Overrides::of_process(Vec::new())).expect("loads");
+    let options = ForecastOptions {
+        measured: Some(2),
+        threads: 2,
+        allow_libraries: false,
+        cache: DiskCache::new(folder.path().join("cache")),
+        stop: Stop::default(),
+    };
+    let found = forecast(&recipe, &options, &Quiet).expect("a forecast");
+    // One session renders the views of all scenes, one after the other.
+    let rendering = Duration::from_millis(u64::from(VIEWS) * RENDER_MS).as_secs_f64();
+    assert_eq!((found.measured, found.scenes, found.bound), (2, SCENES, Bound::RenderDevice), "{found:?}");
+    assert!((1.0..1.3).contains(&(found.scene_s / rendering)), "{found:?}");
+    assert!((0.7..1.3).contains(&(found.total_s / took.as_secs_f64())), "{took:?}, {found:?}");
+    // The dataset has more files of its own than its scenes have.
+    let written: usize = files(&folder.path().join("data")).values().map(Vec::len).sum();
+    assert!((0.5..2.0).contains(&(found.total_bytes() as f64 / written as f64)), "{written}, {found:?}");
 }
 
 #[test]

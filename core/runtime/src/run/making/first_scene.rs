@@ -6,6 +6,7 @@ use crate::run::dataset::folder::Folder;
 use crate::run::dataset::layout;
 use crate::run::decisions::opening::{self, CheckedRun};
 use crate::run::making::scenes;
+use crate::run::making::times::Times;
 use crate::run::options::RunOptions;
 use crate::run::progress::{Event, Reporter, Warnings, count};
 use crate::workers::Pool;
@@ -52,11 +53,13 @@ fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &dyn R
         let checked = CheckedRun::new(recipe, &aside, &log)?;
         checked.begin(opening::open_folder(&aside, &within)?, None, &pool, &within)
     };
-    let made = begin().and_then(|begun| scenes::make(recipe, &aside, &pool, &within, begun)).and_then(|made| {
-        let entry = made.journal.entries().get(&first).filter(|entry| !entry.failed()).cloned();
-        let failed = || format!("scene {first} failed in {}", count(recipe.dataset.max_attempts, "attempt"));
-        entry.map(|entry| FirstScene { folder: made.folder, entry }).ok_or_else(|| Error::new(failed()))
-    });
+    let made = begin()
+        .and_then(|begun| scenes::make(recipe, &aside, (&pool, &Times::default()), &within, begun))
+        .and_then(|made| {
+            let entry = made.journal.entries().get(&first).filter(|entry| !entry.failed()).cloned();
+            let failed = || format!("scene {first} failed in {}", count(recipe.dataset.max_attempts, "attempt"));
+            entry.map(|entry| FirstScene { folder: made.folder, entry }).ok_or_else(|| Error::new(failed()))
+        });
     match made {
         Ok(ahead) => Ok(ahead),
         Err(error) => {

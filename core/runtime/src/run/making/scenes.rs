@@ -45,7 +45,7 @@ pub struct MadeScenes {
 pub fn make(
     recipe: &Recipe,
     options: &RunOptions,
-    pool: &Pool,
+    (pool, times): (&Pool, &Times),
     reporter: &dyn Reporter,
     begun: Begun,
 ) -> Result<MadeScenes> {
@@ -68,7 +68,8 @@ pub fn make(
     if let Some(store) = assets.filter(|_| !todo.scenes.is_empty()) {
         let drawn =
             journal.lock().entries().values().flat_map(|entry| entry.assets.clone()).collect::<BTreeMap<_, _>>();
-        let made = make_scenes(recipe, options, reporter, &store.expect(drawn), pool, (&folder, &journal), &todo);
+        let made =
+            make_scenes(recipe, options, reporter, &store.expect(drawn), (pool, times), (&folder, &journal), &todo);
         if made.is_err() {
             let _ = folder.drop_parts();
         }
@@ -92,18 +93,19 @@ fn make_scenes(
     options: &RunOptions,
     reporter: &dyn Reporter,
     assets: &AssetStore,
-    pool: &Pool,
+    (pool, times): (&Pool, &Times),
     (folder, journal): (&Folder, &Mutex<Journal>),
     todo: &Todo,
 ) -> Result<(u32, BTreeSet<Notice>)> {
     let (log, start) = (Warnings(reporter), Instant::now());
     let in_flight = scenes_in_flight(recipe, options.threads, todo.scenes.len());
+    let in_flight = options.scenes_in_flight.map_or(in_flight, |most| in_flight.min(most.max(1)));
     let works = Works::new(recipe, todo);
     let tasks = todo.scenes.iter().map(|(&scene, job)| works.task(scene, job)).collect();
-    let (sessions, times) = (Sessions::open(&*recipe.render, in_flight)?, Times::default());
+    let sessions = Sessions::open(&*recipe.render, in_flight)?;
     let cache = &options.cache;
     let workers = &Stoppable { workers: pool, stop: &options.stop };
-    let tools = Tools { recipe, assets, cache, workers, log: &log, times: &times, stop: &options.stop };
+    let tools = Tools { recipe, assets, cache, workers, log: &log, times, stop: &options.stop };
     let maker = SceneMaker { tools, reporter, folder, sessions: &sessions, checks: &recipe.checks };
     let (notices, progress) = (ReportedNotices::default(), Mutex::default());
     let work = SceneWork { maker, tasks, todo, journal, notices, progress };

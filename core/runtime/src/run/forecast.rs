@@ -1,0 +1,344 @@
+//! The time and disk space that a recipe needs on this machine, measured on its first scenes.
+//!
+//! The scenes are made in memory, one at a time, by the code of a run. The first scene also loads assets and kernels, so
+//! its extra time counts once. A run has several scenes in progress; [`Forecast::of`] has the model of their speed.
+
+use crate::cache::DiskCache;
+use crate::run::making::times::Times;
+use crate::run::options::RunOptions;
+use crate::run::progress::{Event, Reporter};
+use crate::run::stop::Stop;
+use crate::run::{making::sessions, run, run_timed};
+use crate::workers;
+use parking_lot::Mutex;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use syntable_model::error::{Error, Result};
+use syntable_model::store::{MemStore, Store};
+use syntable_recipe::Recipe;
+use syntable_recipe::message::Message;
+
+/// Without a requested number of scenes, a measurement ends after the first scene behind this time.
+const LONG_ENOUGH: Duration = Duration::from_secs(10);
+/// Maximum number of scenes of such a measurement, without the first.
+const MOST_SCENES: u32 = 16;
+
+/// How to measure a recipe.
+pub struct ForecastOptions {
+    /// Number of scenes to measure, besides the first, which warms up; `None`: as many as ten seconds allow, but at
+    /// least one.
+    pub measured: Option<u32>,
+    /// Number of threads of the run.
+    pub threads: usize,
+    /// Load native libraries that the recipe names by a relative path. They are code of the recipe's author.
+    pub allow_libraries: bool,
+    /// Cache of results that later runs can use.
+    pub cache: DiskCache,
+    /// Ends the work early on request.
+    pub stop: Stop,
+}
+
+/// What limits the speed of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bound {
+    /// The cores of the processor.
+    Cores,
+    /// The devices that render.
+    RenderDevice,
+    /// The duration of a single scene: the steps of a scene wait for each other.
+    SceneSteps,
+}
+
+/// Time and disk space of a run of a recipe, extrapolated from measured scenes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Forecast {
+    /// Number of scenes of the run.
+    pub scenes: u32,
+    /// Views per scene.
+    pub views_per_scene: u32,
+    /// Number of threads of the run.
+    pub threads: usize,
+    /// Number of measured scenes.
+    pub measured: u32,
+    /// Whether the first scene was measured, with the time for loading, because the recipe has no other.
+    pub is_cold: bool,
+    /// Smallest and largest number of objects in a measured scene.
+    pub objects: [u32; 2],
+    /// Time for what happens once: opening pools and devices, loading assets and kernels, s.
+    pub start_s: f64,
+    /// Time per scene while several are in progress, s.
+    pub scene_s: f64,
+    /// The same for the fastest and for the slowest measured scene, s.
+    pub scene_range_s: [f64; 2],
+    /// Time of all scenes, with the start, s.
+    pub total_s: f64,
+    /// Bytes on disk of each scene.
+    pub scene_bytes: u64,
+    /// What limits the speed.
+    pub bound: Bound,
+    /// Working time of each stage in a scene that is made alone, s.
+    pub stages: BTreeMap<String, f64>,
+}
+
+/// The resources of a run that several scenes share.
+#[derive(Debug, Clone, Copy)]
+struct Lanes {
+    scenes: u32,
+    /// Threads that can work at the same time.
+    cores: usize,
+    /// Render sessions; `None` if there is one per scene.
+    sessions: Option<usize>,
+    /// Number of scenes in progress.
+    in_flight: usize,
+}
+
+/// The state of a measurement after a scene, since its start.
+#[derive(Debug, Clone, Default)]
+struct Tick {
+    wall_s: f64,
+    /// Time of all threads of the process; `None` if the system does not tell.
+    cores_s: Option<f64>,
+    stages: BTreeMap<String, f64>,
+    objects: u32,
+}
+
+/// The cost of a scene that is made alone, s.
+#[derive(Debug, Clone, Copy)]
+struct SceneCost {
+    wall: f64,
+    cores: f64,
+    device: f64,
+}
+
+/// Measures the first scenes of a recipe in memory. No file is written, except in the cache.
+///
+/// # Errors
+/// If the recipe cannot be run, all measured scenes fail, or the work was asked to stop.
+pub fn forecast(recipe: &Recipe, options: &ForecastOptions, reporter: &dyn Reporter) -> Result<Forecast> {
+    let (store, times) = (Arc::new(MemStore::default()), Times::default());
+    let all = recipe.dataset.scenes;
+    let wanted = options.measured.unwrap_or(MOST_SCENES).saturating_add(1).min(all);
+    let (stop, start) = (options.stop.nested(), Instant::now());
+    let watch = Stopwatch {
+        start,
+        cores: cores_s(),
+        times: &times,
+        budget: options.measured.is_none().then_some(LONG_ENOUGH),
+        stop: &stop,
+        ticks: Mutex::default(),
+        reporter,
+    };
+    let of = |scenes: u32| RunOptions {
+        scenes: Some(0..scenes),
+        scenes_in_flight: Some(1),
+        allow_libraries: options.allow_libraries,
+        ..RunOptions::new(Arc::clone(&store) as Arc<dyn Store>, options.threads, options.cache.clone())
+    };
+    let made = run_timed(recipe, &RunOptions { stop: stop.clone(), ..of(wanted) }, &watch, &times);
+    let ticks = watch.ticks.into_inner();
+    if options.stop.is_requested() || !stop.is_requested() {
+        made?;
+    }
+    let made = ticks.len() as u32;
+    if made == 0 {
+        return Err(Error::new("no scene could be measured, since all failed").help("see the warnings above"));
+    }
+    // The run that ended early has not written the files of the whole dataset.
+    run(recipe, &RunOptions { stop: options.stop.clone(), ..of(made) }, &Hushed(reporter))?;
+    let bytes: u64 = store.files().values().map(|file| file.len() as u64).sum();
+    let lanes = Lanes {
+        scenes: all,
+        cores: options.threads.min(workers::available()).max(1),
+        sessions: recipe.render.max_sessions(),
+        in_flight: sessions::scenes_in_flight(recipe, options.threads, all as usize),
+    };
+    let forecast = Forecast::of(&ticks, lanes);
+    let views_per_scene = recipe.dataset.views_per_scene;
+    Ok(Forecast { views_per_scene, threads: options.threads, scene_bytes: bytes / u64::from(made), ..forecast })
+}
+
+impl Forecast {
+    /// Number of images per hour after the start.
+    pub fn images_per_hour(&self) -> f64 {
+        3600.0 * f64::from(self.views_per_scene) / self.scene_s
+    }
+
+    /// Bytes on disk of all scenes.
+    pub fn total_bytes(&self) -> u64 {
+        self.scene_bytes.saturating_mul(u64::from(self.scenes))
+    }
+
+    /// The times of a run from those of scenes that were made one after the other. The first warms up, unless it is the
+    /// only one.
+    ///
+    /// The slowest of three lanes sets the speed: all cores, all render sessions, or all scenes in progress, each of
+    /// which takes at least as long as a scene alone.
+    fn of(ticks: &[Tick], lanes: Lanes) -> Self {
+        let costs: Vec<SceneCost> = (0..ticks.len()).map(|index| SceneCost::of(ticks, index)).collect();
+        let is_cold = costs.len() == 1;
+        let measured = if is_cold { &costs[..] } else { &costs[1..] };
+        let mean = SceneCost::mean(measured);
+        let (scene_s, bound) = mean.shared(lanes);
+        let each = measured.iter().map(|cost| cost.shared(lanes).0);
+        let range = each.fold([f64::MAX, 0.0], |[low, high], it| [low.min(it), high.max(it)]);
+        let start_s = if is_cold { 0.0 } else { (costs[0].wall - mean.wall).max(0.0) };
+        let rounds = f64::from(lanes.scenes.div_ceil(lanes.in_flight as u32));
+        // The slowest lane waits for the rest of one scene.
+        let waiting = match bound {
+            Bound::SceneSteps => 0.0,
+            _ => mean.wall + f64::from(lanes.scenes - 1) * scene_s,
+        };
+        let objects = ticks[usize::from(!is_cold)..].iter().map(|tick| tick.objects);
+        let (first, last) = (&ticks[0], &ticks[ticks.len() - 1]);
+        let per_scene = |(stage, seconds): (&String, &f64)| {
+            let before = if is_cold { 0.0 } else { first.stages.get(stage).copied().unwrap_or(0.0) };
+            (stage.clone(), (seconds - before) / measured.len() as f64)
+        };
+        Self {
+            scenes: lanes.scenes,
+            views_per_scene: 1,
+            threads: lanes.cores,
+            measured: measured.len() as u32,
+            is_cold,
+            objects: objects.fold([u32::MAX, 0], |[low, high], it| [low.min(it), high.max(it)]),
+            start_s,
+            scene_s,
+            scene_range_s: range,
+            total_s: start_s + waiting.max(rounds * mean.wall),
+            scene_bytes: 0,
+            bound,
+            stages: last.stages.iter().map(per_scene).collect(),
+        }
+    }
+}
+
+impl SceneCost {
+    fn of(ticks: &[Tick], index: usize) -> Self {
+        let start = Tick { cores_s: Some(0.0), ..Tick::default() };
+        let (before, after) = (if index == 0 { &start } else { &ticks[index - 1] }, &ticks[index]);
+        let wall = after.wall_s - before.wall_s;
+        let cores = after.cores_s.zip(before.cores_s).map(|(after, before)| after - before);
+        let device =
+            |tick: &Tick| ["render.load", "render"].iter().filter_map(|stage| tick.stages.get(*stage)).sum::<f64>();
+        Self { wall, cores: cores.unwrap_or(wall), device: device(after) - device(before) }
+    }
+
+    fn mean(all: &[Self]) -> Self {
+        let mean = |of: fn(&Self) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
+        Self { wall: mean(|it| it.wall), cores: mean(|it| it.cores), device: mean(|it| it.device) }
+    }
+
+    /// Time per scene if several are in progress, and what limits it.
+    fn shared(self, lanes: Lanes) -> (f64, Bound) {
+        let of_device = lanes.sessions.map_or(0.0, |sessions| self.device / sessions.max(1) as f64);
+        let all = [
+            (self.cores / lanes.cores as f64, Bound::Cores),
+            (of_device, Bound::RenderDevice),
+            (self.wall / lanes.in_flight as f64, Bound::SceneSteps),
+        ];
+        all.into_iter().fold((0.0, Bound::Cores), |slowest, lane| if lane.0 > slowest.0 { lane } else { slowest })
+    }
+}
+
+/// Notes the times after each scene, and ends the measurement in time.
+struct Stopwatch<'a> {
+    start: Instant,
+    /// Time of the cores at the start.
+    cores: Option<f64>,
+    times: &'a Times,
+    budget: Option<Duration>,
+    stop: &'a Stop,
+    ticks: Mutex<Vec<Tick>>,
+    reporter: &'a dyn Reporter,
+}
+
+impl Reporter for Stopwatch<'_> {
+    fn event(&self, event: &Event) {
+        Hushed(self.reporter).event(event);
+        let Event::Scene { objects, .. } = event else { return };
+        let stages = self.times.all().into_iter().map(|(stage, worked)| (stage, worked.seconds)).collect();
+        let cores_s = cores_s().zip(self.cores).map(|(now, start)| now - start);
+        let mut ticks = self.ticks.lock();
+        ticks.push(Tick { wall_s: self.start.elapsed().as_secs_f64(), cores_s, stages, objects: *objects });
+        let measured = ticks[ticks.len() - 1].wall_s - ticks[0].wall_s;
+        if self.budget.is_some_and(|budget| ticks.len() > 1 && measured >= budget.as_secs_f64()) {
+            self.stop.cancel();
+        }
+    }
+
+    fn message(&self, message: &Message) {
+        self.reporter.message(message);
+    }
+}
+
+/// Passes on what concerns the recipe, and not the progress of a run.
+struct Hushed<'a>(&'a dyn Reporter);
+
+impl Reporter for Hushed<'_> {
+    fn event(&self, event: &Event) {
+        if let Event::Message(_) | Event::Working { .. } | Event::Attempt { .. } = event {
+            self.0.event(event);
+        }
+    }
+}
+
+/// Time of all threads of this process so far, s.
+#[cfg(unix)]
+fn cores_s() -> Option<f64> {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    Some(time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9)
+}
+
+#[cfg(not(unix))]
+fn cores_s() -> Option<f64> {
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Times after scenes with these costs: wall, cores and device, s.
+    fn ticks(costs: &[[f64; 3]]) -> Vec<Tick> {
+        let mut tick = Tick { cores_s: Some(0.0), ..Tick::default() };
+        let mut after = |[wall, cores, device]: &[f64; 3]| {
+            tick.wall_s += wall;
+            tick.cores_s = tick.cores_s.map(|before| before + cores);
+            *tick.stages.entry("render".into()).or_default() += device;
+            tick.objects += 1;
+            tick.clone()
+        };
+        costs.iter().map(&mut after).collect()
+    }
+
+    #[test]
+    fn the_slowest_lane_sets_the_speed() {
+        let of = |cost: [f64; 3], lanes: Lanes| Forecast::of(&ticks(&[[9.0, 20.0, 7.0], cost]), lanes);
+        let lanes = Lanes { scenes: 100, cores: 4, sessions: None, in_flight: 4 };
+        // 12 s of work on 4 cores are 3 s; the first scene took 5 s more than the second.
+        let made = of([4.0, 12.0, 2.0], lanes);
+        assert_eq!((made.bound, made.scene_s, made.start_s, made.total_s), (Bound::Cores, 3.0, 5.0, 5.0 + 4.0 + 297.0));
+        assert_eq!((made.measured, made.objects, made.stages["render"]), (1, [2, 2], 2.0));
+        assert_eq!(Forecast { views_per_scene: 5, ..made }.images_per_hour(), 6000.0);
+        // Two cards take 2 s of every scene each, the cores 1 s.
+        let made = of([4.0, 4.0, 3.0], Lanes { sessions: Some(2), ..lanes });
+        assert_eq!((made.bound, made.scene_s), (Bound::RenderDevice, 1.5));
+        // A scene that waits for 8 s leaves its core to three others.
+        let made = of([8.0, 1.0, 0.5], lanes);
+        assert_eq!((made.bound, made.scene_s, made.total_s), (Bound::SceneSteps, 2.0, 201.0));
+        // Five scenes on four threads take two rounds.
+        let made = of([8.0, 1.0, 0.5], Lanes { scenes: 5, ..lanes });
+        assert_eq!(made.total_s, 1.0 + 16.0);
+    }
+
+    #[test]
+    fn all_scenes_after_the_first_are_averaged() {
+        let lanes = Lanes { scenes: 10, cores: 2, sessions: None, in_flight: 2 };
+        let made = Forecast::of(&ticks(&[[30.0, 30.0, 0.0], [1.0, 2.0, 0.0], [3.0, 6.0, 0.0]]), lanes);
+        assert_eq!((made.measured, made.scene_s, made.scene_range_s), (2, 2.0, [1.0, 3.0]));
+        assert_eq!((made.start_s, made.objects, made.is_cold), (28.0, [2, 3], false));
+        let made = Forecast::of(&ticks(&[[30.0, 30.0, 0.0]]), Lanes { scenes: 1, in_flight: 1, ..lanes });
+        assert_eq!((made.measured, made.start_s, made.total_s, made.is_cold), (1, 0.0, 30.0, true));
+    }
+}
