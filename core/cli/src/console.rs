@@ -66,6 +66,16 @@ impl Console {
         }
     }
 
+    /// Names the next steps, for people: verbs of the program, each with what it does.
+    pub(crate) fn suggest(&self, steps: &[(String, &str)]) {
+        let width = steps.iter().map(|(step, _)| step.chars().count()).max().unwrap_or(0);
+        for ((step, what), start) in steps.iter().zip(std::iter::once("next:").chain(std::iter::repeat("     "))) {
+            if self.format == LogFormat::Human {
+                let _ = writeln!(std::io::stderr(), "{start} {step:width$}   {what}");
+            }
+        }
+    }
+
     /// Prints a message: a diagnostic with the line underlined, or one JSON object.
     pub fn say(&self, message: &Message) {
         self.reporter.message(message);

@@ -32,7 +32,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
-use verbs::{check, convert, doctor, list, merge, new, run, validate, verify};
+use verbs::{check, convert, doctor, list, merge, new, plan, run, validate, verify};
 
 /// Generates synthetic datasets for unseen-object amodal instance segmentation.
 #[derive(Parser)]
@@ -98,9 +98,10 @@ enum BuiltIn {
   syntable check --asset models/mug/model.obj")]
     Check(check::CheckArgs),
     /// Show the products that a recipe computes, their writers, and their cost.
-    #[command(after_help = "Example:
-  syntable plan recipe.toml --set write.png.include='[\"rgb\", \"depth\"]'")]
-    Plan(RecipeArgs),
+    #[command(after_help = "Examples:
+  syntable plan recipe.toml --set write.png.include='[\"rgb\", \"depth\"]'
+  syntable plan recipe.toml --time            how long all scenes take on this machine")]
+    Plan(plan::PlanArgs),
     /// List the kinds of stages, the options of a kind, or the products, recipes and file formats of this binary.
     #[command(after_help = "Examples:
   syntable list              all kinds
@@ -201,13 +202,13 @@ impl Program {
 /// Runs a verb of this crate. `command` is the whole command line.
 fn run_verb(console: &Console, verb: BuiltIn, registry: &Registry, mut command: clap::Command) -> Result<(), Exit> {
     match verb {
-        BuiltIn::Run(args) => run::run(console, registry, &args),
+        BuiltIn::Run(args) => run::run(console, registry, &args, &command),
         BuiltIn::Verify(args) => verify::verify(console, &args),
         BuiltIn::Merge(args) => merge::merge(console, registry, &args),
         BuiltIn::Validate(args) => validate::validate(console, registry, &args),
         BuiltIn::Convert(args) => convert::convert(console, registry, args),
         BuiltIn::Check(args) => check::check(console, registry, &args),
-        BuiltIn::Plan(args) => run::plan(console, registry, &args),
+        BuiltIn::Plan(args) => plan::plan(console, registry, &args),
         BuiltIn::List(args) => list::list(console, registry, &args),
         BuiltIn::Schema => console.print(&syntable_recipe::schema_text(registry)),
         BuiltIn::New(args) => new::new(console, registry, &args, &command),

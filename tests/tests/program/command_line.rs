@@ -1,6 +1,6 @@
 //! The verbs, as a new user types them.
 
-use crate::support::{fails, ok, root, small_run, syntable, text};
+use crate::support::{SMALL, fails, ok, root, small_run, syntable, text};
 use std::process::Stdio;
 use syntable::{DiskCache, GenerateOptions, Quiet, RecipeRequest, RunOptions, generate};
 use syntable_model::registry::Registry;
@@ -38,6 +38,49 @@ fn plan_tells_what_is_computed_for_whom() {
     assert!(plan.contains("at most 7.0 MiB per view, 700.0 MiB in all"), "{plan}");
     let error = fails(syntable().args(["plan", "recipes/quickstart.toml", "--set", "write.npy.include=[\"dept\"]"]), 2);
     assert!(error.contains("dept") && error.contains("did you mean `depth`"), "{error}");
+}
+
+#[test]
+fn plan_measures_how_long_a_run_takes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = crate::support::root().join("recipes/quickstart.toml");
+    let plan = |more: &[&str]| {
+        let mut command = syntable();
+        command.arg("plan").arg(&recipe).args(SMALL).args(more).current_dir(folder.path());
+        ok(&mut command)
+    };
+    assert!(plan(&[]).contains("time: `--time` makes a few scenes"));
+    // One scene warms up, and the other is measured.
+    let said = plan(&["--time", "--scenes", "7", "--threads", "1"]);
+    for words in [
+        "with 1 thread, from 1 measured scene with ",
+        " images/h\n",
+        " for 2 scenes (",
+        " MiB per scene, ",
+        "; time of a scene: ",
+    ] {
+        assert!(said.contains(words), "{words:?} is not in\n{said}");
+    }
+    let said = plan(&["--time", "--set", "dataset.scenes=1"]);
+    assert!(said.contains("part of the only scene"), "{said}");
+    assert_eq!(std::fs::read_dir(folder.path()).expect("there").count(), 0, "nothing is written");
+    let error = fails(syntable().args(["plan", "--scenes", "2"]), 2);
+    assert!(error.contains("--time"), "{error}");
+}
+
+#[test]
+fn a_run_names_the_next_steps_for_people() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let said = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name);
+        let output = small_run(&out, &[&["--scenes", "0", "--views", "1"], more].concat()).output().expect("starts");
+        (out.display().to_string(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (out, text) = said("human", &[]);
+    assert_eq!(text.matches(&format!("next: syntable view {out} ")).count(), 1, "{text}");
+    assert!(text.contains(&format!("      syntable report {out} ")), "{text}");
+    let (_, text) = said("json", &["--log-format", "json"]);
+    assert!(!text.contains("next:"), "{text}");
 }
 
 #[test]
@@ -165,7 +208,8 @@ fn doctor_and_completions_and_new_recipe() {
     assert!(ok(syntable().args(["completions", "bash"])).contains("syntable"));
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("my.toml");
-    ok(syntable().args(["new", "recipe"]).arg(&file));
+    let said = ok(syntable().args(["new", "recipe"]).arg(&file));
+    assert!(said.contains(&format!("how long it takes: syntable plan {} --time\n", file.display())), "{said}");
     ok(syntable().arg("check").arg(&file));
     assert!(fails(syntable().args(["new", "recipe"]).arg(&file), 2).contains("already exists"));
     assert!(fails(syntable().args(["new", "plugin", "My-Plugin"]), 2).contains("not in snake_case"));

@@ -6,6 +6,7 @@ pub(crate) mod doctor;
 pub(crate) mod list;
 pub(crate) mod merge;
 pub(crate) mod new;
+pub(crate) mod plan;
 pub(crate) mod run;
 mod template;
 pub(crate) mod validate;

@@ -134,7 +134,7 @@ pub(crate) fn new(console: &Console, registry: &Registry, args: &NewArgs, progra
             create(file, &text)?;
             let schema = write_schema(registry, file.parent().unwrap_or(Path::new("")))?;
             let (file, schema) = (file.display(), schema.display());
-            console.print(&format!("wrote {file}\nwrote {schema}\nnext: syntable run {file} --out data\n"))
+            console.print(&format!("wrote {file}\nwrote {schema}\nnext: syntable run {file} --out data\nhow long it takes: syntable plan {file} --time\n"))
         }
         What::Plugin { name, slot, path, syntable } => {
             let folder = path.clone().unwrap_or_else(|| PathBuf::from(name));

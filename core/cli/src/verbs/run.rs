@@ -1,4 +1,4 @@
-//! `syntable run` and `syntable plan`.
+//! `syntable run`.
 
 use crate::arguments::RecipeArgs;
 use crate::console::Console;
@@ -8,7 +8,6 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
-use syntable_recipe::Recipe;
 use syntable_recipe::message::Message;
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::count;
@@ -46,7 +45,11 @@ pub(crate) struct RunArgs {
     rewrite: bool,
 }
 
-pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Result<(), Exit> {
+/// Verbs that show a dataset, and what they do.
+const NEXT: [(&str, &str); 2] = [("view", "images and labels in a browser"), ("report", "pages and numbers to keep")];
+
+/// `program` is the command line, which may have verbs that show the dataset.
+pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs, program: &clap::Command) -> Result<(), Exit> {
     let recipe = console.load_for_run(registry, &args.recipe)?;
     recipe.ready(args.allow_libraries).map_err(Exit::wrong)?;
     let scenes = args.scenes.map(|scenes| scenes.within(recipe.dataset.scenes)).transpose().map_err(Exit::wrong)?;
@@ -66,7 +69,12 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Res
         )
     };
     let outcome = run_recipe(&recipe, &options, console.reporter()).map_err(|error| ended(&stop, error))?;
-    end_of(console, &outcome, &options.out.name())
+    let out = options.out.name();
+    end_of(console, &outcome, &out)?;
+    let linked = NEXT.iter().filter(|(verb, _)| program.find_subcommand(verb).is_some());
+    let steps = linked.map(|(verb, what)| (format!("syntable {verb} {}", out.display()), *what));
+    console.suggest(&steps.collect::<Vec<_>>());
+    Ok(())
 }
 
 /// Ends a verb that made a dataset: exit code 3 and the reasons if the dataset is incomplete.
@@ -104,33 +112,4 @@ pub(crate) fn end_of(console: &Console, outcome: &RunOutcome, out: &Path) -> Res
     };
     messages.extend(outcome.left_out().messages(out, help));
     if messages.is_empty() { Ok(()) } else { Err(Exit { code: 3, messages }) }
-}
-
-pub(crate) fn plan(console: &Console, registry: &Registry, args: &RecipeArgs) -> Result<(), Exit> {
-    let recipe = console.load(registry, args)?;
-    let dataset = &recipe.dataset;
-    let images = u64::from(dataset.scenes) * u64::from(dataset.views_per_scene);
-    console.print(&format!(
-        "{}: {} × {} = {images} images\n\n{}{}",
-        dataset.name,
-        count(dataset.scenes, "scene"),
-        count(dataset.views_per_scene, "view"),
-        recipe.plan.table(&*recipe.render),
-        disk(&recipe, images)
-    ))
-}
-
-/// Upper bound on the size of the written images before rendering: the size of their uncompressed numbers.
-fn disk(recipe: &Recipe, images: u64) -> String {
-    let Some(bytes) = recipe.stored_bytes_per_view() else { return String::new() };
-    let size = |bytes: u64| match bytes as f64 / f64::from(1 << 20) {
-        mebibytes if mebibytes < 1024.0 => format!("{mebibytes:.1} MiB"),
-        mebibytes => format!("{:.1} GiB", mebibytes / 1024.0),
-    };
-    format!(
-        "disk: images take at most {} per view, {} in all, less with compression; masks and records, which follow \
-         the number of objects, come on top\ntime: unknown before a scene is made: run one (--scenes 0) and multiply\n",
-        size(bytes),
-        size(bytes * images)
-    )
 }

@@ -1,0 +1,154 @@
+//! `syntable plan`.
+
+use crate::arguments::{RecipeArgs, threads};
+use crate::console::Console;
+use crate::exit::Exit;
+use crate::signals::{Ends, ended, on_signals};
+use clap::Args;
+use std::time::Duration;
+use syntable_model::registry::Registry;
+use syntable_recipe::Recipe;
+use syntable_runtime::cache::DiskCache;
+use syntable_runtime::run::forecast::{Bound, Forecast, ForecastOptions, forecast};
+use syntable_runtime::run::progress::{clock, count};
+
+#[derive(Args)]
+pub(crate) struct PlanArgs {
+    #[command(flatten)]
+    recipe: RecipeArgs,
+    /// Also make the first scenes in memory, to tell how long all of them take on this machine.
+    #[arg(long)]
+    time: bool,
+    /// Number of scenes to measure, after one that warms up. Default: as many as ten seconds allow, but at least one.
+    #[arg(long, value_name = "N", requires = "time", value_parser = clap::value_parser!(u32).range(1..))]
+    scenes: Option<u32>,
+    /// Worker threads of the run. Default: all cores.
+    #[arg(long, requires = "time", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Load native libraries that the recipe names by a relative path.
+    #[arg(long, requires = "time")]
+    allow_libraries: bool,
+}
+
+pub(crate) fn plan(console: &Console, registry: &Registry, args: &PlanArgs) -> Result<(), Exit> {
+    if args.time {
+        return plan_with_time(console, registry, args);
+    }
+    let recipe = console.load(registry, &args.recipe)?;
+    console.print(&format!("{}time: `--time` makes a few scenes to tell it\n", table(&recipe)))
+}
+
+fn plan_with_time(console: &Console, registry: &Registry, args: &PlanArgs) -> Result<(), Exit> {
+    let recipe = console.load_for_run(registry, &args.recipe)?;
+    recipe.ready(args.allow_libraries).map_err(Exit::wrong)?;
+    console.print(&table(&recipe))?;
+    let stop = on_signals(console, Ends::Work("no file was written"))?;
+    let options = ForecastOptions {
+        measured: args.scenes,
+        threads: threads(args.threads),
+        allow_libraries: args.allow_libraries,
+        cache: DiskCache::of_user(),
+        stop: stop.clone(),
+    };
+    let found = forecast(&recipe, &options, console.reporter()).map_err(|error| ended(&stop, error))?;
+    console.print(&in_words(&found))
+}
+
+/// The products, their cost, and the disk space of the images.
+fn table(recipe: &Recipe) -> String {
+    let dataset = &recipe.dataset;
+    let images = u64::from(dataset.scenes) * u64::from(dataset.views_per_scene);
+    format!(
+        "{}: {} × {} = {images} images\n\n{}{}",
+        dataset.name,
+        count(dataset.scenes, "scene"),
+        count(dataset.views_per_scene, "view"),
+        recipe.plan.table(&*recipe.render),
+        disk(recipe, images)
+    )
+}
+
+/// Upper bound on the size of the written images before rendering: the size of their uncompressed numbers.
+fn disk(recipe: &Recipe, images: u64) -> String {
+    let Some(bytes) = recipe.stored_bytes_per_view() else { return String::new() };
+    format!(
+        "disk: images take at most {} per view, {} in all, less with compression; masks and records, which follow \
+         the number of objects, come on top\n",
+        size(bytes),
+        size(bytes * images)
+    )
+}
+
+fn size(bytes: u64) -> String {
+    match bytes as f64 / f64::from(1 << 20) {
+        mebibytes if mebibytes < 1024.0 => format!("{mebibytes:.1} MiB"),
+        mebibytes => format!("{:.1} GiB", mebibytes / 1024.0),
+    }
+}
+
+/// Number of stages that a forecast names.
+const STAGES: usize = 4;
+
+fn in_words(found: &Forecast) -> String {
+    let whole = |seconds: f64| clock(Duration::from_secs_f64(seconds));
+    let known = match found.objects {
+        [one, other] if one == other => format!("with {}", count(one, "object")),
+        [fewest, most] => format!("with {fewest} to {most} objects"),
+    };
+    let mut out = format!(
+        "\ntime on this machine, with {}, from {} {known}:\n",
+        count(found.threads as u32, "thread"),
+        count(found.measured, "measured scene"),
+    );
+    let mut row = |name: &str, text: String| out += &format!("  {name:<7}{text}\n");
+    match found.is_cold {
+        true => row("start", "part of the only scene".into()),
+        false => row("start", seconds(found.start_s)),
+    }
+    row(
+        "scene",
+        format!(
+            "{}, {} per view: {} images/h",
+            seconds(found.scene_s),
+            seconds(found.scene_s / f64::from(found.views_per_scene)),
+            found.images_per_hour().round()
+        ),
+    );
+    let [least, most] = found.scene_range_s.map(|each| whole(found.start_s + each * f64::from(found.scenes)));
+    let doubt = match found.measured {
+        1 => "scenes differ with their objects: --scenes 5 measures more of them".to_owned(),
+        _ => format!("{least} if all were like the fastest, {most} like the slowest"),
+    };
+    row("total", format!("{} for {} ({doubt})", whole(found.total_s), count(found.scenes, "scene")));
+    row("disk", format!("{} per scene, {} in all", size(found.scene_bytes), size(found.total_bytes())));
+    row("limit", format!("{}; time of a scene: {}", bound(found.bound), shares(found)));
+    out
+}
+
+fn bound(bound: Bound) -> &'static str {
+    match bound {
+        Bound::Cores => "the cores of the processor",
+        Bound::RenderDevice => "the device that renders",
+        Bound::SceneSteps => "the steps of a scene, which follow one another",
+    }
+}
+
+/// The stages that take the most time of a scene, with their shares.
+fn shares(found: &Forecast) -> String {
+    let all: f64 = found.stages.values().sum();
+    let mut stages: Vec<(&String, f64)> = found.stages.iter().map(|(stage, seconds)| (stage, *seconds)).collect();
+    stages.sort_by(|(_, one), (_, other)| other.total_cmp(one));
+    let share = |(stage, seconds): &(&String, f64)| format!("{stage} {:.0} %", 100.0 * seconds / all.max(1e-9));
+    stages.iter().take(STAGES).map(share).collect::<Vec<_>>().join(", ")
+}
+
+/// A short time, with two digits.
+fn seconds(seconds: f64) -> String {
+    match seconds {
+        long if long >= 100.0 => clock(Duration::from_secs_f64(long)),
+        long if long >= 10.0 => format!("{long:.0} s"),
+        middle if middle >= 1.0 => format!("{middle:.1} s"),
+        short if short >= 0.1 => format!("{short:.2} s"),
+        short => format!("{:.1} ms", 1000.0 * short),
+    }
+}
