@@ -28,6 +28,14 @@ pub fn scaled_kg(object: &Object, factor: f64) -> (f64, MassOrigin) {
     }
 }
 
+/// The mass, kept within [`MASS_KG`] if it is an estimate.
+pub fn within_estimates(mass: MassProperties) -> MassProperties {
+    match mass.origin {
+        MassOrigin::Estimated => mass.with_kg(mass.kg.clamp(*MASS_KG.start(), *MASS_KG.end()), mass.origin),
+        _ => mass,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::estimate_kg;

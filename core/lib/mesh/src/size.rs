@@ -34,16 +34,24 @@ impl Default for StatedLengths {
 
 /// Refuses an object with a longest side that no object has. The remedy names the likely unit of the file.
 pub fn check(longest_m: f64, stated: StatedLengths) -> Result<()> {
+    outside(longest_m).map_or(Ok(()), |fault| Err(Error::new(fault).help(remedy(longest_m, stated))))
+}
+
+/// Refuses an object that a placer makes larger by a factor than any object is, or smaller. Another draw may fit.
+pub fn check_resized(longest_m: f64, factor: f64) -> Result<()> {
+    let refusal =
+        |fault| Error::unlucky(format!("{fault} at the scale {factor:.4}")).help("narrow the placer's `scale`");
+    outside(longest_m * factor).map_or(Ok(()), |fault| Err(refusal(fault)))
+}
+
+/// Describes a longest side that is outside of the allowed range.
+fn outside(longest_m: f64) -> Option<String> {
     if ALLOWED_M.contains(&longest_m) {
-        return Ok(());
+        return None;
     }
     let shown = if (1e-3..1e4).contains(&longest_m) { format!("{longest_m:.3}") } else { format!("{longest_m:.3e}") };
-    Err(Error::new(format!(
-        "object extent {shown} m is outside the allowed range of {} m to {} m",
-        ALLOWED_M.start(),
-        ALLOWED_M.end()
-    ))
-    .help(remedy(longest_m, stated)))
+    let (low, high) = (ALLOWED_M.start(), ALLOWED_M.end());
+    Some(format!("object extent {shown} m is outside the allowed range of {low} m to {high} m"))
 }
 
 /// A warning about an object with an unlikely longest side in a pool that does not state `units`; `None` if the side is

@@ -7,7 +7,7 @@ use crate::texture::MipTexture;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::digest::Digest;
-use syntable_model::scene::{self, Texture, TextureMapping, TextureRef, UvTransform};
+use syntable_model::scene::{self, ColorMatrix, Texture, TextureMapping, TextureRef, UvTransform};
 use syntable_simd::Rgb;
 use syntable_simd::functions::{exp2, log2};
 
@@ -70,6 +70,8 @@ pub struct NormalInput {
 pub struct Material {
     /// Diffuse albedo of a dielectric, reflectance of a metal at normal incidence.
     pub base_color: ColorInput,
+    /// Changes the base color after its texture and the vertex color.
+    pub recolor: Option<ColorMatrix>,
     /// Perceptual roughness; GGX α is its square.
     pub roughness: ScalarInput,
     /// 0 dielectric … 1 metal.
@@ -221,6 +223,16 @@ impl NormalInput {
 }
 
 impl Material {
+    /// Base color at texture coordinates of the mapping, where the vertex color is `tint`.
+    #[inline(always)]
+    pub fn base_color_at(&self, textures: &[Arc<MipTexture>], at: TextureCoordinates, tint: Rgb) -> Rgb {
+        let color = self.base_color.at(textures, at) * tint;
+        match &self.recolor {
+            Some(matrix) => Rgb::from(matrix.apply(color.array())),
+            None => color,
+        }
+    }
+
     /// Whether the material is independent of texture coordinates.
     #[inline(always)]
     pub fn is_untextured(&self) -> bool {
@@ -366,6 +378,7 @@ impl<'a> TableBuilder<'a> {
         let emission_texture = material.emission.texture.as_ref().filter(|_| emission != [0.0; 3]);
         let flat = Material {
             base_color: self.color(&material.base_color),
+            recolor: material.recolor,
             roughness: self.scalar(&material.roughness),
             metallic: self.scalar(&material.metallic),
             normal: self.normal(&material.normal),

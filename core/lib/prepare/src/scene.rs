@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
 use syntable_model::geometry::Pose;
-use syntable_model::scene::{self, Body, Scene, TextureMapping, UvTransform};
+use syntable_model::scene::{self, Body, Scene, TextureMapping};
 use syntable_simd::{Rgb, Vec3, vec3};
 
 /// Tables of a scene. Body `i` of the scene has index `i` in [`Self::bodies`].
@@ -335,16 +335,11 @@ fn texture_coordinates(
 
 /// Materials of a body by slot, with the placement of their textures.
 fn materials(body: &Body) -> Vec<(Arc<scene::Material>, TextureMapping)> {
-    match &body.material_override {
-        Some(surface) => vec![(surface.material.clone(), surface.mapping)],
-        None => {
-            let own = TextureMapping::Uv(UvTransform::default());
-            match &body.object.materials[..] {
-                [] => vec![(Arc::new(scene::Material::plain("none", [0.5; 3], 1.0)), own)],
-                materials => materials.iter().map(|material| (material.clone(), own)).collect(),
-            }
-        }
+    let (mut materials, mapping) = (body.materials(), body.texture_mapping());
+    if materials.is_empty() {
+        materials.push(Arc::new(scene::Material::plain("none", [0.5; 3], 1.0)));
     }
+    materials.into_iter().map(|material| (material, mapping)).collect()
 }
 
 fn placement(pose: &Pose) -> ([Vec3; 3], Vec3) {

@@ -34,7 +34,7 @@ pub fn base_parameters(
     tint: Rgb,
 ) -> BsdfParameters {
     BsdfParameters {
-        base_color: material.base_color.at(textures, at) * tint,
+        base_color: material.base_color_at(textures, at, tint),
         roughness: material.roughness.at(textures, at),
         metallic: material.metallic.at(textures, at),
         dielectric_f0: material.dielectric_f0,

@@ -185,6 +185,23 @@ pub struct SourceModel {
     pub origin: Point3<f64>,
     /// Symmetries that the source states.
     pub symmetries: Symmetries,
+    /// The object at the size of its pool, if this one has another size.
+    pub resized: Option<Resized>,
+}
+
+/// The object that a larger or smaller one was made from.
+#[derive(Debug, Clone)]
+pub struct Resized {
+    /// The object at the size of its pool.
+    pub of: Arc<Object>,
+    /// Ratio of the lengths.
+    pub factor: f64,
+}
+
+impl PartialEq for Resized {
+    fn eq(&self, other: &Self) -> bool {
+        self.of.digest == other.of.digest && self.factor == other.factor
+    }
 }
 
 impl SourceModel {
@@ -193,7 +210,9 @@ impl SourceModel {
         Self {
             origin: ((self.origin + offset).coords * factor).into(),
             symmetries: self.symmetries.scaled(factor),
-            ..self
+            obj_id: self.obj_id,
+            // The source of a new size or origin states it for all objects of the asset.
+            resized: None,
         }
     }
 }
@@ -248,6 +267,25 @@ impl Object {
             mass: self.mass.transformed(offset, factor),
             ..self
         })
+    }
+
+    /// The object at another size, with a digest of its own. It remembers the object that it was made from, so that work on
+    /// shapes need not be repeated for every size.
+    pub fn resized(self: &Arc<Self>, factor: f64) -> Result<Self> {
+        let (of, before) = match &self.model.resized {
+            Some(Resized { of, factor }) => (of, *factor),
+            None => (self, 1.0),
+        };
+        let factor = before * factor;
+        let digest = Hasher::new("resized object").digest(of.digest).number(factor).finish();
+        let mut object = Self { digest, ..Self::clone(of).transformed(Vector3::zeros(), factor)? };
+        object.model.resized = Some(Resized { of: Arc::clone(of), factor });
+        Ok(object)
+    }
+
+    /// The object at the size of its pool, and the ratio of this object's lengths to it.
+    pub fn at_own_size(&self) -> (&Self, f64) {
+        self.model.resized.as_ref().map_or((self, 1.0), |Resized { of, factor }| (of, *factor))
     }
 
     /// The object with a known mass, kg. The distribution of the mass stays.

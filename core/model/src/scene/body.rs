@@ -1,6 +1,9 @@
 //! Bodies: assets placed in a scene.
 
-use super::{AssetRef, MassProperties, MaterialOverride, Moment, Object, Trajectory};
+use super::{
+    AssetRef, MassProperties, Material, MaterialOverride, Moment, Object, Recolor, TextureMapping, Trajectory,
+    UvTransform,
+};
 use crate::geometry::{Aabb, Pose};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -77,6 +80,8 @@ pub struct Body<Id = InstanceId> {
     pub motion: Motion,
     /// Replaces all of the object's materials, if set.
     pub material_override: Option<MaterialOverride>,
+    /// Changes the base colors of its materials, if set.
+    pub recolor: Option<Recolor>,
     /// Mass in the simulation: the mass of the object, unless the settler assigns another.
     pub mass: MassProperties,
     /// Coulomb friction coefficient: the coefficient of the object, unless the placer sets another.
@@ -105,6 +110,7 @@ impl BodyDraft {
             role,
             motion,
             material_override: None,
+            recolor: None,
             mass,
             friction,
             restitution: None,
@@ -116,6 +122,11 @@ impl BodyDraft {
     /// The same body with all materials replaced.
     pub fn with_material_override(self, material_override: Option<MaterialOverride>) -> Self {
         Self { material_override, ..self }
+    }
+
+    /// The same body with its base colors changed.
+    pub fn with_recolor(self, recolor: Option<Recolor>) -> Self {
+        Self { recolor, ..self }
     }
 
     /// The same body, moved by a script.
@@ -133,6 +144,7 @@ impl BodyDraft {
             role,
             motion,
             material_override,
+            recolor,
             mass,
             friction,
             restitution,
@@ -147,6 +159,7 @@ impl BodyDraft {
             role,
             motion,
             material_override,
+            recolor,
             mass,
             friction,
             restitution,
@@ -157,6 +170,24 @@ impl BodyDraft {
 }
 
 impl<Id> Body<Id> {
+    /// The materials that the body shows, by slot of its mesh: its own ones or the one that replaces them, with the changed
+    /// colors. Faces of higher slots have the last material. Empty if the object has no materials.
+    pub fn materials(&self) -> Vec<Arc<Material>> {
+        let materials = match &self.material_override {
+            Some(surface) => vec![Arc::clone(&surface.material)],
+            None => self.object.materials.clone(),
+        };
+        let Some(recolor) = &self.recolor else { return materials };
+        let (matrix, has_vertex_colors) = (recolor.matrix(), !self.object.mesh.data().colors.is_empty());
+        materials.into_iter().map(|material| material.recolored(matrix, has_vertex_colors)).collect()
+    }
+
+    /// How the textures of [`materials`](Self::materials) are mapped.
+    pub fn texture_mapping(&self) -> TextureMapping {
+        let own = TextureMapping::Uv(UvTransform::default());
+        self.material_override.as_ref().map_or(own, |surface| surface.mapping)
+    }
+
     /// Pose of the body frame at a moment. A body without a script has one pose.
     pub fn pose_at(&self, moment: Moment) -> Pose {
         self.trajectory.as_ref().map_or(self.world_from_body, |trajectory| trajectory.at(moment))

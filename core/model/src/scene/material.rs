@@ -2,7 +2,7 @@
 //!
 //! Every quantity is a constant factor times an optional texture, as in glTF.
 
-use super::{Texture, TextureRef, UvTransform};
+use super::{ColorMatrix, Texture, TextureRef, UvTransform};
 use crate::digest::{Digest, Hasher};
 use std::sync::Arc;
 
@@ -120,6 +120,8 @@ pub struct Material {
     pub name: String,
     /// Base color: diffuse albedo of a dielectric, reflectance of a metal at normal incidence.
     pub base_color: Color,
+    /// Changes the base color after its texture and the vertex color. Sources leave it out.
+    pub recolor: Option<ColorMatrix>,
     /// Perceptual roughness; GGX α is its square.
     pub roughness: Scalar,
     /// 0 for dielectrics, 1 for metals.
@@ -156,6 +158,7 @@ impl Material {
         Self {
             name: name.into(),
             base_color: Color::constant(color),
+            recolor: None,
             roughness: Scalar::constant(roughness),
             metallic: Scalar::constant(0.0),
             normal: None,
@@ -188,6 +191,19 @@ impl Material {
         let mut material = Arc::unwrap_or_clone(self);
         if let Some(medium) = material.transmission.as_mut().and_then(|transmission| transmission.volume.as_mut()) {
             medium.attenuation_distance_m = (f64::from(medium.attenuation_distance_m) * factor) as f32;
+        }
+        Arc::new(material.with_digest())
+    }
+
+    /// The material with its base color changed. A color that is the same everywhere is replaced: no texture and, on the body at
+    /// hand, no vertex color varies it. The images of a texture are shared.
+    pub fn recolored(self: Arc<Self>, matrix: ColorMatrix, has_vertex_colors: bool) -> Arc<Self> {
+        let mut material = Arc::unwrap_or_clone(self);
+        if material.base_color.texture.is_some() || has_vertex_colors {
+            material.recolor = Some(matrix);
+        } else {
+            let unit = |x: f32| if x > 0.0 { x.min(1.0) } else { 0.0 };
+            material.base_color.factor = matrix.apply(material.base_color.factor.map(unit));
         }
         Arc::new(material.with_digest())
     }
@@ -228,6 +244,9 @@ impl Material {
                 hasher = hasher.text("volume").floats(volume.attenuation_color.into_iter());
                 hasher = hasher.number(volume.attenuation_distance_m.into());
             }
+        }
+        if let Some(ColorMatrix(rows)) = &self.recolor {
+            hasher = hasher.text("recolor").floats(rows.as_flattened().iter().copied());
         }
         if let Some(height) = self.projection_height_m {
             hasher = hasher.text("projection").number(height.into());

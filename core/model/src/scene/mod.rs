@@ -15,6 +15,7 @@ mod material;
 mod mesh;
 mod moment;
 mod moments;
+mod recolor;
 mod rig;
 mod settled;
 mod support;
@@ -23,7 +24,9 @@ mod texture;
 mod topology;
 
 pub use articulation::{Articulation, Joint, JointKind, Link};
-pub use asset::{Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, Keypoint, Object, SourceModel};
+pub use asset::{
+    Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, Keypoint, Object, Resized, SourceModel,
+};
 pub use body::{Body, BodyDraft, BodyHandle, InstanceId, Motion, Role};
 pub use camera::{Camera, Distortion, Exposure, Fisheye, Intrinsics, Optics, Polynomial, Rays, ThinLens};
 pub use environment::EnvironmentMap;
@@ -35,6 +38,7 @@ pub use material::{
 pub use mesh::{Mesh, MeshData};
 pub use moment::{Moment, Trajectory};
 pub use moments::Moments;
+pub use recolor::{ColorMatrix, Recolor};
 pub use rig::RigView;
 pub use settled::{PlacedBodies, Settled};
 pub use support::{DropZone, Region, Support, Supports};

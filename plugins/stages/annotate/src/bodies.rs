@@ -1,11 +1,14 @@
 //! Meaning of the ids of a scene.
 
+use crate::materials::material_names;
 use crate::matrix::pose;
+use crate::object_info::scale_of;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::BODIES;
-use syntable_model::scene::{Body, Role};
+use syntable_model::scene::{Body, Recolor, Role};
 
-/// Every body of the scene by its id in `instance`: role, asset, materials and pose.
+/// Every body of the scene by its id in `instance`: role, asset, materials and pose. Bodies of another size than their asset have
+/// its factor, `scale`. Bodies with changed colors have `recolor`, the numbers of the option `color` of their placer.
 ///
 /// Objects have the ids 1 to M; distractors follow, then table and room. 0 means no body. Together with `role`,
 /// `instance` also gives the masks of tabletop and background.
@@ -40,19 +43,24 @@ struct BodyRecord<'a> {
     category: &'a str,
     /// Names of the materials, by the object's material slots, or of the single material that replaces them.
     materials: Vec<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scale: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    recolor: Option<Recolor>,
     world_from_body: [[f64; 4]; 4],
 }
 
 impl<'a> From<&'a Body> for BodyRecord<'a> {
     fn from(body: &'a Body) -> Self {
-        let own = || body.object.materials.iter().map(|material| material.name.as_str()).collect();
         Self {
             id: body.id.0,
             role: body.role,
             pool: &body.asset.pool,
             name: &body.asset.name,
             category: &body.object.category,
-            materials: body.material_override.as_ref().map_or_else(own, |other| vec![other.material.name.as_str()]),
+            materials: material_names(body),
+            scale: scale_of(&body.object),
+            recolor: body.recolor,
             world_from_body: pose(&body.world_from_body),
         }
     }

@@ -1,5 +1,6 @@
 //! Mean materials of bodies.
 
+use crate::materials::material_names;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::MATERIAL_STATISTICS;
 use syntable_model::scene::{Body, Mesh};
@@ -13,7 +14,7 @@ const SAMPLES: usize = 4096;
 const EVEN: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
 
 /// Mean surface of every body of the scene, weighted by area over its whole mesh, visible or not: `base_color` (linear
-/// Rec. 709, with textures and vertex colors), perceptual `roughness`, `metallic` and `transmission`, the fraction of
+/// Rec. 709, with textures, vertex colors and changes of color), perceptual `roughness`, `metallic` and `transmission`, the fraction of
 /// the entering light that passes the surface, each in [0, 1]; with the body's `id` and its area, `area_m2`.
 ///
 /// `materials` has the same values for each material slot of the mesh with faces, with the material's `name` and its
@@ -102,10 +103,7 @@ impl Surface {
 impl<'a> MaterialStatisticsRecord<'a> {
     fn new(body: &'a Body, index: usize, scene: &PreparedScene) -> Self {
         let mesh = &body.object.mesh;
-        let mut names: Vec<&str> = match &body.material_override {
-            Some(other) => vec![&other.material.name],
-            None => body.object.materials.iter().map(|material| material.name.as_str()).collect(),
-        };
+        let mut names = material_names(body);
         if names.is_empty() {
             names.push("none");
         }
@@ -169,7 +167,7 @@ fn surface_at(body: &Body, scene: &PreparedScene, index: usize, face: usize, [u,
     let (prepared, triangle) = scene.at(&point);
     let (material, table) = (scene.material(prepared, triangle), &scene.materials);
     let at = scene.texture_coordinates(material, &point, position.map(|x| x as f32).into(), width);
-    let color = material.base_color.at(&table.textures, at) * scene.vertex_color(&point);
+    let color = material.base_color_at(&table.textures, at, scene.vertex_color(&point));
     let metallic = material.metallic.at(&table.textures, at);
     let layers = table.layers(material);
     let transmission = layers.map_or(0.0, |layers| layers.transmitted_fraction(&table.textures, at, metallic));

@@ -12,7 +12,8 @@ const NONE: &str = "none";
 /// is the same in all scenes, and `bodies`, the ids of the bodies with faces of this material.
 ///
 /// Ids are 1 to M in the order of the bodies and of their material slots. Materials with the same name and content are
-/// one material, on whichever bodies. Ids are unique in a scene, names and digests in the dataset.
+/// one material, on whichever bodies. A body with changed colors has materials of their own digests and the same names. Ids are
+/// unique in a scene, names and digests in the dataset.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Materials {}
@@ -65,12 +66,11 @@ impl<'a> Numbered<'a> {
         let mut table: Vec<MaterialRecord> = Vec::new();
         let mut of_bodies = Vec::new();
         for body in scene.bodies() {
-            let materials = materials(body);
-            let mut slots = vec![0; materials.len().max(1)];
+            let (names, shown) = (material_names(body), body.materials());
+            let mut slots = vec![0; names.len().max(1)];
             for slot in used_slots(body) {
-                let (name, digest) = materials
-                    .get(slot)
-                    .map_or((NONE, String::new()), |material| (&*material.name, material.digest.to_string()));
+                let name = names.get(slot).copied().unwrap_or(NONE);
+                let digest = shown.get(slot).map_or_else(String::new, |material| material.digest.to_string());
                 let next = table.len() + 1;
                 let id = match numbers.get(&(name, digest.clone())) {
                     Some(&id) => id,
@@ -98,12 +98,17 @@ impl<'a> Numbered<'a> {
     }
 }
 
-/// Materials of a body by slot; none if the body has none.
+/// Materials of a body by slot, before their colors are changed; none if the body has none.
 pub(crate) fn materials(body: &Body) -> Vec<&Material> {
     match &body.material_override {
         Some(other) => vec![&other.material],
         None => body.object.materials.iter().map(|material| &**material).collect(),
     }
+}
+
+/// Names of the materials of a body by slot; none if the body has none.
+pub(crate) fn material_names(body: &Body) -> Vec<&str> {
+    materials(body).into_iter().map(|material| material.name.as_str()).collect()
 }
 
 /// Material slot of a triangle of a body.

@@ -3,12 +3,14 @@
 use crate::matrix::pose;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, OBJECT_INFO};
-use syntable_model::scene::{Body, MassDistribution, MassOrigin};
+use syntable_model::scene::{Body, MassDistribution, MassOrigin, Object};
 
 /// Asset, category, mass and poses of every object. Poses are 4 × 4 matrices, row by row, of the object frame in meters;
 /// the camera frame is x right, y down, z forward. `bounds_m` are the lowest and the highest corner of the object's box in
 /// the object frame, m; `model_origin_m` is the origin of the asset's file in that frame, m, which differs where the pool
 /// centers the asset. `obj_id` is the number of the asset in its pool, which depends on the pools of the recipe alone.
+/// `scale` is the factor by which the placer enlarged the object; objects at the size of their asset have none. All other lengths
+/// are the object's own.
 ///
 /// The mass is the one that was simulated. `mass_origin` is `known` for a mass from the object's files, `estimated`
 /// from its volume, or `assigned` by the settler. The center of mass (m) and the inertia tensor about it (kg m²) are in
@@ -69,6 +71,11 @@ impl ViewAnnotator for ObjectInfo {
     }
 }
 
+/// Ratio of the lengths of an object to its asset's, if its placer gave it another size.
+pub(crate) fn scale_of(object: &Object) -> Option<f64> {
+    object.model.resized.as_ref().map(|resized| resized.factor)
+}
+
 /// An entry of the product `object_info`.
 #[derive(Serialize)]
 struct ObjectView<'a> {
@@ -79,6 +86,8 @@ struct ObjectView<'a> {
     category: &'a str,
     #[serde(skip_serializing_if = "Option::is_none")]
     obj_id: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scale: Option<f64>,
     spawn: u32,
     bounds_m: [[f64; 3]; 2],
     model_origin_m: [f64; 3],
@@ -103,6 +112,7 @@ impl<'a> ObjectView<'a> {
             name: &body.asset.name,
             category: &object.category,
             obj_id: object.model.obj_id,
+            scale: scale_of(object),
             spawn: body.spawn,
             bounds_m: [object.mesh.bounds().min, object.mesh.bounds().max].map(Into::into),
             model_origin_m: object.model.origin.into(),

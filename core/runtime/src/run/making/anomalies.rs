@@ -106,8 +106,5 @@ fn is_outside(scene: &Scene, camera: &Point3<f64>) -> bool {
 
 fn emits(body: &Body) -> bool {
     let emissive = |material: &Material| material.emission.factor.iter().any(|&x| x > 0.0);
-    match &body.material_override {
-        Some(other) => emissive(&other.material),
-        None => body.object.materials.iter().any(|material| emissive(material)),
-    }
+    body.materials().iter().any(|material| emissive(material))
 }
