@@ -3,7 +3,7 @@
 use crate::arena::Place;
 use crate::layout::{BODY_SIZE, BodyPlace, NONE};
 use std::sync::Arc;
-use syntable_model::scene::{Encoding, EnvironmentMap, Wrap};
+use syntable_model::scene::{ColorMatrix, Encoding, EnvironmentMap, Wrap};
 use syntable_model::stage::Window;
 use syntable_prepare::{
     AlphaMode, AreaLight, ColorInput, DistantLight, EmissiveBody, EnvironmentDistribution, LightTable, Mapping,
@@ -143,7 +143,10 @@ impl Tables {
             self.0.push([boxed, per_m.to_bits(), height.unwrap_or(0.0).to_bits(), projects]);
             let UvAffine { m: [[a, b], [c, d]], offset: [u, v], log2_scale } = affine;
             self.0.push(floats([a, b, c, d]));
-            self.0.push(floats([u, v, log2_scale, f32::from(u8::from(material.is_untextured()))]));
+            let flags = u32::from(material.is_untextured()) + 2 * u32::from(material.recolor.is_some());
+            self.0.push([u.to_bits(), v.to_bits(), log2_scale.to_bits(), flags]);
+            let ColorMatrix(rows) = material.recolor.unwrap_or_default();
+            self.0.extend(rows.map(|[r, g, b]| floats([r, g, b, 0.0])));
         }
         start
     }

@@ -3,12 +3,14 @@
 //! Needs an adapter: a card, or Mesa's lavapipe (`mesa-vulkan-drivers`), a software renderer.
 
 use std::sync::Arc;
+use syntable_model::digest::Digest;
 use syntable_model::prelude::*;
 use syntable_model::product::Lighting;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::*;
 use syntable_model::scene::{
-    EnvironmentLight, EnvironmentMap, Light, Material, Region, Role, Scalar, SceneId, SettleReport, Support,
+    Color, Encoding, EnvironmentLight, EnvironmentMap, Light, Material, Mesh, Recolor, Region, Role, Scalar, SceneId,
+    SettleReport, Support, Texture, Wrap,
 };
 use syntable_model::stage::{Atlas, Bodies, Window};
 use syntable_prepare::labels::BlendedLabels;
@@ -176,6 +178,51 @@ fn light_and_guides_are_the_cpus() {
             assert!((*a - *b).abs() * 500 < *a, "{look:?}: {a} and {b} {name}");
         }
     }
+}
+
+#[test]
+fn changed_colors_are_the_cpus() {
+    if !has_adapter() {
+        return;
+    }
+    let texels: Vec<u8> = (0..64_u8).flat_map(|i| [i * 4, 255 - i * 3, 40 + i, 255]).collect();
+    let digest = Digest::of(&texels);
+    let (encoding, wrap) = (Encoding::Srgb, [Wrap::Clamp; 2]);
+    let ramp = Color::texture(Arc::new(Texture { width: 8, height: 8, texels, encoding, wrap, digest }));
+    let mut builder = SceneBuilder::default();
+    builder.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0, 1.0])).into();
+    for (number, texture, has_vertex_colors) in [(0, false, false), (1, true, false), (2, false, true), (3, true, true)]
+    {
+        let mut mesh = scenes::box_mesh([0.2; 3]).into_data();
+        if has_vertex_colors {
+            mesh.colors = (0..mesh.positions.len()).map(|i| [1.0, 0.2 + 0.03 * i as f32, 0.6]).collect();
+        }
+        let mut object =
+            (*scenes::object(&format!("cube {number}"), Mesh::new(mesh).expect("sound"), [0.7, 0.3, 0.5])).clone();
+        if texture {
+            let plain = Material::clone(&object.materials[0]);
+            object.materials = vec![Arc::new(Material { base_color: ramp.clone(), ..plain }.with_digest())];
+        }
+        let at = [0.3 * f64::from(number % 2) - 0.15, 0.3 * f64::from(number / 2) - 0.15, 0.0];
+        let recolor = Recolor { hue_deg: 40.0 + 60.0 * f64::from(number), saturation: 1.3, brightness: 0.8 };
+        builder.add(scenes::body(Arc::new(object), at, Role::Object).with_recolor(Some(recolor)));
+    }
+    let scene = Arc::new(builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound"));
+    let view = scenes::view([0.5, -0.7, 0.6], [0.0; 3], [96, 72], 50.0);
+    let wants = keys![ALBEDO, INSTANCE];
+    let request = RenderRequest::new(&view, &wants, Stream::root(1), &Threads(2));
+    let options = PathTracing::default();
+    let frames = [
+        rendered(&CpuPathRenderer::new(options.clone()), &scene, &request),
+        rendered(&GpuPathRenderer::new(options), &scene, &request),
+    ];
+    let [instances, _] = pair(&frames, INSTANCE);
+    for id in 1..=4 {
+        assert!(instances.data().iter().filter(|seen| seen.0 == id).count() > 50, "cube {id} is not seen");
+    }
+    let off = |a: [f32; 3], b: [f32; 3]| (0..3).any(|c| (a[c] - b[c]).abs() > 2e-3);
+    let different = different(pair(&frames, ALBEDO), off);
+    assert!(different * 500 <= 96 * 72, "{different} pixels differ");
 }
 
 #[test]

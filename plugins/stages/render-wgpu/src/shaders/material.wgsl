@@ -1,8 +1,8 @@
 // Textures and materials, as in core/lib/prepare's mapping.rs, texture.rs and material.rs, and the layers of layer.rs.
 
-// A material is 19 entries: five inputs of three, then scalars and the mapping. Layers are six inputs and two entries.
+// A material is 22 entries: five inputs of three, then scalars, the mapping and a matrix of colors. Layers are six inputs and two entries.
 const INPUT_SIZE: u32 = 3u;
-const MATERIAL_SIZE: u32 = 19u;
+const MATERIAL_SIZE: u32 = 22u;
 const LAYERS_SIZE: u32 = 20u;
 
 const BASE_COLOR: u32 = 0u;
@@ -10,6 +10,10 @@ const ROUGHNESS: u32 = 3u;
 const METALLIC: u32 = 6u;
 const NORMAL_MAP: u32 = 9u;
 const EMISSION: u32 = 12u;
+const COLOR_MATRIX: u32 = 19u;
+
+const UNTEXTURED: u32 = 1u;
+const RECOLORED: u32 = 2u;
 
 const CLEARCOAT: u32 = 0u;
 const CLEARCOAT_ROUGHNESS: u32 = 3u;
@@ -40,6 +44,7 @@ struct Material {
     projection_height: f32,
     projects: bool,
     untextured: bool,
+    recolored: bool,
     m: vec4<f32>,
     offset: vec2<f32>,
     log2_scale: f32,
@@ -57,7 +62,7 @@ fn material_of(body: Body, slot: u32) -> Material {
     let a = tables[at + 15u];
     let b = tables[at + 16u];
     let m = table_f(at + 17u);
-    let d = table_f(at + 18u);
+    let d = tables[at + 18u];
     return Material(
         at,
         bitcast<f32>(a.x),
@@ -68,10 +73,11 @@ fn material_of(body: Body, slot: u32) -> Material {
         bitcast<f32>(b.y),
         bitcast<f32>(b.z),
         b.w != 0u,
-        d.w != 0.0,
+        (d.w & UNTEXTURED) != 0u,
+        (d.w & RECOLORED) != 0u,
         m,
-        d.xy,
-        d.z,
+        bitcast<vec2<f32>>(d.xy),
+        bitcast<f32>(d.z),
     );
 }
 
@@ -368,9 +374,23 @@ fn texture_frame(material: Material, body: Body, triangle: Triangle, hit: Hit, s
     return Frame2(direction_to_world(body, f.u) * side, direction_to_world(body, f.v) * side);
 }
 
+fn base_color(material: Material, at: Coordinates, tint: vec3<f32>) -> vec3<f32> {
+    let color = input_color(material.at + BASE_COLOR, at) * tint;
+    if !material.recolored {
+        return color;
+    }
+    let rows = material.at + COLOR_MATRIX;
+    let changed = vec3(
+        dot(table_f(rows).xyz, color),
+        dot(table_f(rows + 1u).xyz, color),
+        dot(table_f(rows + 2u).xyz, color),
+    );
+    return clamp(changed, vec3(0.0), vec3(1.0));
+}
+
 fn base_parameters(material: Material, at: Coordinates, tint: vec3<f32>) -> BsdfParameters {
     return BsdfParameters(
-        input_color(material.at + BASE_COLOR, at) * tint,
+        base_color(material, at, tint),
         input_scalar(material.at + ROUGHNESS, at),
         input_scalar(material.at + METALLIC, at),
         material.dielectric_f0,
