@@ -10,8 +10,8 @@ use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::scene::{
-    Alpha, Color, Encoding, Light, Material, MaterialOverride, Moment, NormalMap, RectLight, Role, Scalar, SphereLight,
-    Texture, TextureMapping, Trajectory, UvTransform, Wrap,
+    Alpha, Color, Encoding, Light, Material, MaterialOverride, MeshData, Moment, NormalMap, Recolor, RectLight, Role,
+    Scalar, SphereLight, Texture, TextureMapping, Trajectory, UvTransform, Wrap,
 };
 use syntable_transport::PathTracing;
 
@@ -221,6 +221,35 @@ fn textures_are_the_right_way_up_on_every_mapping() {
     check(TextureMapping::Uv(UvTransform { rotation: half, ..Default::default() }), [gray, blue, green, red]);
     check(TextureMapping::Box { rotation: 0.0, offset: [0.5, 0.5] }, [red, green, blue, gray]);
     check(TextureMapping::Box { rotation: 0.0, offset: [0.0, 0.5] }, [green, red, gray, blue]);
+}
+
+#[test]
+fn changed_colors_are_the_matrix_of_texture_and_vertex_color() {
+    let recolor = Recolor { hue_deg: 75.0, saturation: 0.8, brightness: 0.9 };
+    let halves = texture(16, 16, Encoding::Linear, |x, _| if x < 8 { [200, 100, 40, 255] } else { [30, 180, 90, 255] });
+    let tinted = |tint: [f32; 3]| MeshData { colors: vec![tint; 4], ..sheet([0.5, 0.5]) };
+    let (factor, tint) = ([0.8, 0.9, 1.0], [0.9, 0.5, 0.7]);
+    let textured = Material { base_color: Color { factor, texture: Some(halves.into()) }, ..matte(1.0) };
+    let constant = Material { base_color: Color::constant(factor), ..matte(1.0) };
+    let texels = [[200.0, 100.0, 40.0], [30.0, 180.0, 90.0]].map(|texel| texel.map(|x: f32| x / 255.0));
+    let looking = view(4, 4, 4.0, [0.0, 0.0, 1.0], [0.0; 3], vec![]);
+    for (name, mesh, material, texels, tint) in [
+        ("constant", sheet([0.5, 0.5]), &constant, [[1.0; 3]; 2], [1.0; 3]),
+        ("vertex colors", tinted(tint), &constant, [[1.0; 3]; 2], tint),
+        ("texture", sheet([0.5, 0.5]), &textured, texels, [1.0; 3]),
+        ("both", tinted(tint), &textured, texels, tint),
+    ] {
+        let table = object(name, mesh, material.clone());
+        let scene = scene([body(&table, at(0.0, 0.0, 0.0), Role::Object).with_recolor(Some(recolor))]);
+        let frame = render(options(1, 1), &scene, &looking, &[ALBEDO.id()]);
+        for (x, texel) in [0, 3].into_iter().zip(texels) {
+            let got = frame.get(ALBEDO).expect("made").at(x, 1);
+            let color = std::array::from_fn(|c| factor[c] * texel[c] * tint[c]);
+            let want = recolor.matrix().apply(color);
+            assert!((0..3).all(|c| (got[c] - want[c]).abs() < 2e-3), "{name}: {got:?}, not {want:?}");
+            assert!((0..3).any(|c| (got[c] - color[c]).abs() > 0.05), "{name}: {got:?} is unchanged");
+        }
+    }
 }
 
 #[test]
