@@ -4,6 +4,7 @@ use crate::decompose::ConvexParts;
 use crate::units;
 use parry3d::math::Pose;
 use parry3d::shape::{Compound, SharedShape};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use syntable_model::error::{Error, Result};
 
@@ -15,8 +16,8 @@ pub struct CollisionShape {
     pub whole: SharedShape,
     /// How far the parts may be from the mesh in its hollows, meters.
     pub deviation_m: f32,
-    /// Whether the excessive deviation was reported.
-    told: AtomicBool,
+    /// Whether the excessive deviation was reported, of this shape or of the same one at another size.
+    told: Arc<AtomicBool>,
 }
 
 impl CollisionShape {
@@ -33,7 +34,20 @@ impl CollisionShape {
             [one] => one.clone(),
             many => SharedShape::new(Compound::new(many.iter().map(|part| (Pose::IDENTITY, part.clone())).collect())),
         };
-        Ok(Self { parts, whole, deviation_m: *deviation_m, told: AtomicBool::new(false) })
+        Ok(Self { parts, whole, deviation_m: *deviation_m, told: Arc::default() })
+    }
+
+    /// The shape at another size: the hulls of the scaled parts, which need no decomposition of the mesh.
+    pub fn scaled(&self, factor: f32) -> Result<Self> {
+        let scaled = |part: &SharedShape| {
+            let points = part.as_convex_polyhedron()?.points();
+            let points: Vec<[f32; 3]> =
+                points.iter().map(|point| (*point * (factor / units::PER_METER)).to_array()).collect();
+            units::hull(&points)
+        };
+        let hulls = self.parts.iter().filter_map(scaled).collect();
+        let shape = Self::new(&ConvexParts { hulls, deviation_m: self.deviation_m * factor })?;
+        Ok(Self { told: Arc::clone(&self.told), ..shape })
     }
 
     /// Whether this is the first call.

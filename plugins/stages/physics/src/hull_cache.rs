@@ -1,4 +1,6 @@
 //! Collision shapes by object: computed once, cached in memory up to a maximum number, and on disk by mesh digest.
+//!
+//! Objects that differ from their asset in size alone have the asset's shape, scaled: a mesh is decomposed once for all sizes.
 
 use crate::collision_shape::CollisionShape;
 use crate::decompose::{ConvexParts, DECOMPOSITION_VERSION, Method, convex_parts};
@@ -73,8 +75,8 @@ impl HullCache {
         }
     }
 
-    /// The shapes of some objects, in their order. All workers compute missing ones, and waiting callers see the
-    /// progress.
+    /// The shapes of some objects, in their order. Their deviation from the mesh scales with the object. All workers
+    /// compute missing ones, and waiting callers see the progress.
     pub fn shapes(
         &self,
         objects: &[(&Object, Purpose)],
@@ -91,6 +93,7 @@ impl HullCache {
         };
         let shape = |i: usize| {
             let (object, purpose) = objects[i];
+            let (object, factor) = object.at_own_size();
             let compute = || {
                 // A caller that waited for another thread computes the shape that this thread has given up.
                 workers.check_stop();
@@ -98,7 +101,7 @@ impl HullCache {
                 Ok::<_, Infallible>(self.compute(object, purpose, cache, &|| tell(object, number)))
             };
             let Ok(shape) = self.shapes.get_or_insert_with(&keys[i], compute);
-            shape
+            if factor == 1.0 { shape } else { shape?.scaled(factor as f32).map(Arc::new) }
         };
         let shapes: Vec<OnceLock<Result<Arc<CollisionShape>>>> = objects.iter().map(|_| OnceLock::new()).collect();
         let mut all = || workers.run(objects.len(), &|i| _ = shapes[i].get_or_init(|| shape(i)));
@@ -169,7 +172,9 @@ fn mesh_key(mesh: &Mesh, method: Method) -> Digest {
         .finish()
 }
 
+/// The same for all sizes of an object.
 fn object_key(object: &Object, purpose: Purpose) -> Digest {
+    let (object, _) = object.at_own_size();
     let bounds = object.mesh.bounds();
     bounds
         .min
@@ -241,6 +246,39 @@ mod tests {
         for (i, shape) in found.iter().enumerate() {
             assert!(Arc::ptr_eq(shape, &found[i % 2]) && !Arc::ptr_eq(shape, &found[(i + 1) % 2]));
         }
+    }
+
+    #[test]
+    fn all_sizes_of_an_object_share_one_decomposition() {
+        let tray = kit::object("tray", kit::tray([0.3, 0.2, 0.1], 0.02), 1.0);
+        let sizes = [1.0, 0.5, 1.7, 3.0];
+        let resized: Vec<Arc<Object>> =
+            sizes.iter().map(|factor| Arc::new(tray.resized(*factor).expect("sound"))).collect();
+        let objects: Vec<(&Object, Purpose)> = resized.iter().map(|object| (&**object, Purpose::Body)).collect();
+        let (shapes, disk) = (HullCache::new(&Rapier::default()), CountingCache::default());
+        let found: Vec<_> = shapes
+            .shapes(&objects, &disk, &TestWorkers, &RecordedSteps::default())
+            .into_iter()
+            .map(|s| s.expect("a shape"))
+            .collect();
+        assert_eq!(disk.0.load(Ordering::Relaxed), 1);
+        let volume = |shape: &CollisionShape| {
+            let hull = |part: &parry3d::shape::SharedShape| {
+                let points = part.as_convex_polyhedron().expect("convex").points();
+                let points: Vec<[f32; 3]> = points.iter().map(|point| (*point / units::PER_METER).to_array()).collect();
+                f64::from(units::hull(&points).expect("a hull").volume())
+            };
+            shape.parts.iter().map(hull).sum::<f64>()
+        };
+        let base = volume(&found[0]);
+        for (shape, factor) in found.iter().zip(sizes) {
+            let want = base * factor.powi(3);
+            assert_eq!(shape.parts.len(), found[0].parts.len());
+            assert!((volume(shape) / want - 1.0).abs() < 0.01, "{factor}: {} m³, not {want}", volume(shape));
+            assert!((f64::from(shape.deviation_m) - f64::from(found[0].deviation_m) * factor).abs() < 1e-6);
+        }
+        // A user hears once of an asset whose shape is poor.
+        assert!(found[2].is_first_time() && !found[3].is_first_time());
     }
 
     #[test]
