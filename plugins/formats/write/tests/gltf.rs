@@ -205,11 +205,15 @@ fn view(number: u32) -> View {
 
 /// Writes the scene with two views. Returns the files by path.
 fn write(options: &str) -> BTreeMap<String, Vec<u8>> {
+    write_scene(&scene(), options)
+}
+
+fn write_scene(scene: &Scene, options: &str) -> BTreeMap<String, Vec<u8>> {
     let folder = tempfile::tempdir().expect("a folder");
-    let (writer, dataset, scene) = (writer("gltf", options).expect("good options"), dataset(4, 2), scene());
+    let (writer, dataset) = (writer("gltf", options).expect("good options"), dataset(4, 2));
     let views = [view(0), view(1)];
     let log = Collected::default();
-    let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&scene);
+    let cx = DatasetContext::new(&dataset, &Serial, &log).scene(scene);
     let mut scene_writer = writer.scene(&cx, Output::new(folder.path(), "gltf", scene.id)).expect("starts");
     for view in &views {
         scene_writer.view(&cx.view(view), &Products::new()).expect("a view");
@@ -399,6 +403,55 @@ fn materials_match_the_scene() {
     assert_eq!((samples, texels[3]), (3, 50));
     let (.., texels, samples) = decode(&file, &sheen["sheenRoughnessTexture"], &json);
     assert_eq!((samples, texels[3], texels[7]), (4, 0, 40));
+}
+
+#[test]
+fn sizes_and_changed_colors_are_baked() {
+    let recolor = Recolor { hue_deg: 100.0, saturation: 1.2, brightness: 0.7 };
+    let mesh = Arc::new(crate_mesh());
+    let plain_mesh = Arc::new(Mesh::new(MeshData { colors: Vec::new(), ..crate_mesh().into_data() }).expect("sound"));
+    let plain = || Material::plain("plain", [0.9, 0.4, 0.2], 0.4);
+    let textured = object("textured", plain_mesh, vec![plain(), rich()]);
+    let colored = object("colored", mesh, vec![Material::plain("white", [1.0; 3], 0.4)]);
+    let mut builder = SceneBuilder::default();
+    builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.7], [1.0, 0.8])).into();
+    for object in [Arc::new(textured.resized(1.5).expect("sound")), colored] {
+        let asset = AssetRef { pool: "pool".into(), name: object.name.clone() };
+        let draft = BodyDraft::new(asset, object, Pose::identity(), Role::Object, Motion::Fixed);
+        builder.add(draft.with_recolor(Some(recolor)));
+    }
+    let scene = builder.freeze(SceneId(3), 0, SettleReport::default()).expect("a scene");
+    let (file, json) = open(&write_scene(&scene, "lights = \"none\"")["gltf/000003.glb"]);
+    let is_near = |got: &[f32], want: [f32; 3], by: f32| (0..3).all(|c| (got[c] - want[c]).abs() < by);
+    let factor = |material: usize| -> Vec<f32> {
+        let factor = json["materials"][material]["pbrMetallicRoughness"]["baseColorFactor"].as_array().expect("a list");
+        factor.iter().map(|x| x.as_f64().expect("a number") as f32).collect()
+    };
+    let matrix = recolor.matrix();
+    assert!(is_near(&factor(0), matrix.apply([0.9, 0.4, 0.2]), 1e-6), "{:?}", factor(0));
+    assert_eq!(factor(1), [1.0, 1.0, 1.0, 0.5]);
+    let pbr = &json["materials"][1]["pbrMetallicRoughness"];
+    let (.., texels, _) = decode(&file, &pbr["baseColorTexture"], &json);
+    let linear = |code: u8| syntable_model::color::srgb_to_linear(f32::from(code) / 255.0);
+    for (i, texel) in texels.chunks(4).enumerate() {
+        let own = [(i % 4) as u8 * 60, (i / 4) as u8 * 100, 9].map(linear);
+        let want = matrix.apply([0.8 * own[0], 0.7 * own[1], 0.6 * own[2]]);
+        let got = [texel[0], texel[1], texel[2]].map(linear);
+        assert!(is_near(&got, want, 6e-3) && texel[3] == 255 - (i % 4) as u8, "{i}: {got:?}, not {want:?}");
+    }
+    let blob = file.blob.as_deref();
+    let primitive = file.meshes().nth(1).expect("a mesh").primitives().next().expect("a part");
+    let colors: Vec<[f32; 3]> = primitive.reader(|_| blob).read_colors(0).expect("colors").into_rgb_f32().collect();
+    for (i, got) in colors.iter().enumerate() {
+        assert!(is_near(got, matrix.apply([1.0, i as f32 / 8.0, 0.0]), 1e-6), "{i}: {got:?}");
+    }
+    // Emission keeps its colors. The mesh is as large as the object, and the node says so.
+    assert_ne!(json["materials"][1]["emissiveTexture"]["index"], pbr["baseColorTexture"]["index"]);
+    let highest = parts(&file, 0).iter().flat_map(|part| part.positions.clone()).fold(0.0, |high, p| p[2].max(high));
+    assert!((highest - 0.6).abs() < 1e-6, "{highest}");
+    let extras = &json["nodes"][1]["extras"];
+    assert_eq!(extras["scale"], json!(1.5));
+    assert_eq!(extras["recolor"], json!({ "hue_deg": 100.0, "saturation": 1.2, "brightness": 0.7 }));
 }
 
 #[test]

@@ -41,7 +41,7 @@ impl GltfMaterials {
     }
 
     fn translate(&mut self, glb: &mut Glb, material: &Material) -> Result<GltfMaterial> {
-        let [r, g, b] = material.base_color.factor.map(unit);
+        let ([r, g, b], base_color_texture) = self.base_color(glb, material)?;
         let (alpha_mode, alpha_cutoff, alpha) = match material.alpha {
             // Without a texture, the mask is opaque everywhere.
             Alpha::Mask { cutoff } if material.base_color.texture.is_some() => (Some("MASK"), Some(unit(cutoff)), 1.0),
@@ -72,7 +72,7 @@ impl GltfMaterials {
             name: material.name.clone(),
             pbr_metallic_roughness: Pbr {
                 base_color_factor: [r, g, b, alpha],
-                base_color_texture: self.color(glb, &material.base_color)?,
+                base_color_texture,
                 metallic_factor,
                 roughness_factor: unit(material.roughness.factor),
                 metallic_roughness_texture: self.textures.packed(glb, [None, rough, metal, None])?,
@@ -123,6 +123,15 @@ impl GltfMaterials {
             });
         }
         Ok(())
+    }
+
+    /// The factor and the texture of the base color. A changed color is in the texture.
+    fn base_color(&mut self, glb: &mut Glb, material: &Material) -> Result<([f32; 3], Option<TextureInfo>)> {
+        let factor = material.base_color.factor.map(unit);
+        match (&material.base_color.texture, &material.recolor) {
+            (Some(used), Some(matrix)) => Ok(([1.0; 3], Some(self.textures.recolored(glb, used, factor, matrix)?))),
+            _ => Ok((factor, self.color(glb, &material.base_color)?)),
+        }
     }
 
     fn color(&mut self, glb: &mut Glb, color: &Color) -> Result<Option<TextureInfo>> {

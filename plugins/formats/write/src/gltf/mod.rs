@@ -30,11 +30,12 @@ use light::GltfLights;
 use material::GltfMaterials;
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 use syntable_formats::encode::{scene_name, view_name};
 use syntable_formats::include::write_file;
 use syntable_model::digest::Digest;
 use syntable_model::prelude::*;
-use syntable_model::scene::Body;
+use syntable_model::scene::{Body, Material, Mesh};
 
 /// Writes settled scenes as binary glTF 2.0, for Blender and other programs.
 ///
@@ -43,7 +44,9 @@ use syntable_model::scene::Body;
 /// A file has all bodies with their materials and textures (clearcoat, sheen, transmission, volume, index of
 /// refraction, emissive strength, texture transforms), the cameras and the lights. Units are meters, nits, lux and
 /// candela. glTF is y up: the root node `world` rotates the scene; its children have the coordinates of the dataset, z
-/// up. Bodies that share a mesh share it in the file. `extras` hold what glTF cannot express: instance ids, camera
+/// up. Bodies that share a mesh share it in the file; an object of another size has a mesh of its own. Colors that a placer
+/// changed are baked: into the factor or the image of the base color, or into the vertex colors. Where a mesh has vertex colors
+/// and a texture, only the texture is changed. `extras` hold what glTF cannot express: instance ids, the size and the change of color of objects, camera
 /// matrices, distortion, lens and exposure.
 ///
 /// # Output
@@ -213,10 +216,7 @@ impl Export {
 
     fn body(&mut self, body: &Body) -> Result<()> {
         let object = &body.object;
-        let used: Vec<&syntable_model::scene::Material> = match &body.material_override {
-            Some(surface) => vec![&surface.material],
-            None => object.materials.iter().map(|material| &**material).collect(),
-        };
+        let used = body.materials();
         let mapping = match &body.material_override {
             Some(surface) => UvSource::Override { mapping: surface.mapping, tile_m: surface.material.tile_m },
             None => UvSource::Mesh,
@@ -225,7 +225,7 @@ impl Export {
             uvs: used.iter().any(|material| material.textures().next().is_some()),
             tangents: used.iter().any(|material| material::has_normal_map(material)),
         };
-        let geometry = self.geometries.get(&mut self.glb, &object.mesh, mapping, needs);
+        let geometry = self.geometries.get(&mut self.glb, &vertex_colored(body, &used), mapping, needs);
         let mut materials = Vec::new();
         for &(slot, _) in &geometry.parts {
             let material = used.get(slot).or(used.last()).ok_or_else(|| Error::new("an object without materials"))?;
@@ -245,6 +245,12 @@ impl Export {
         });
         if !object.license.is_empty() {
             extras["license"] = object.license.as_str().into();
+        }
+        if let Some(resized) = &object.model.resized {
+            extras["scale"] = resized.factor.into();
+        }
+        if let Some(recolor) = &body.recolor {
+            extras["recolor"] = json!(recolor);
         }
         let name = format!("{} {}", body.id, body.asset);
         self.child(GltfNode { mesh: Some(mesh), extras, ..GltfNode::at(name, &body.world_from_body) });
@@ -282,6 +288,20 @@ impl Export {
     fn into_bytes(self) -> Result<Vec<u8>> {
         self.glb.into_bytes()
     }
+}
+
+/// The mesh of a body with the vertex colors that it shows. Where a texture varies the base color, the texture has the change of
+/// color instead.
+fn vertex_colored(body: &Body, materials: &[Arc<Material>]) -> Arc<Mesh> {
+    let mesh = &body.object.mesh;
+    let is_textured = materials.iter().any(|material| material.base_color.texture.is_some());
+    let matrix = match materials.iter().find_map(|material| material.recolor) {
+        Some(matrix) if !is_textured => matrix,
+        _ => return Arc::clone(mesh),
+    };
+    let mut data = mesh.data().clone();
+    data.colors.iter_mut().for_each(|color| *color = matrix.apply(vertices::color(*color)));
+    Mesh::new(data).map_or_else(|_| Arc::clone(mesh), Arc::new)
 }
 
 register!(Gltf);

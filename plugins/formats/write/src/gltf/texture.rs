@@ -10,7 +10,7 @@ use syntable_formats::encode::png::{self, PngSamples};
 use syntable_model::color::{linear_to_srgb, srgb_to_linear};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::Result;
-use syntable_model::scene::{Encoding, Texture, TextureRef, UvTransform, Wrap};
+use syntable_model::scene::{ColorMatrix, Encoding, Texture, TextureRef, UvTransform, Wrap};
 
 const LINEAR: u32 = 9_729;
 const LINEAR_MIPMAP_LINEAR: u32 = 9_987;
@@ -34,6 +34,32 @@ impl Textures {
             width: texture.width,
             height: texture.height,
             samples: samples(encoded(texture, encoding)),
+        })
+    }
+
+    /// Adds a texture whose colors, times a factor, are changed by a matrix.
+    pub fn recolored(
+        &mut self,
+        glb: &mut Glb,
+        used: &TextureRef,
+        factor: [f32; 3],
+        matrix: &ColorMatrix,
+    ) -> Result<TextureInfo> {
+        let texture = &*used.texture;
+        let key = Hasher::new("recolored").digest(texture.digest).floats(factor.into_iter());
+        let key = key.floats(matrix.0.as_flattened().iter().copied()).finish();
+        self.info(glb, key, used, || {
+            let linear: [f32; 256] = std::array::from_fn(|code| match texture.encoding {
+                Encoding::Linear => code as f32 / 255.0,
+                Encoding::Srgb => srgb_to_linear(code as f32 / 255.0),
+            });
+            let texels = texture.texels.chunks_exact(4).flat_map(|texel| {
+                let color = std::array::from_fn(|channel| factor[channel] * linear[usize::from(texel[channel])]);
+                let [r, g, b] = matrix.apply(color).map(|x| (linear_to_srgb(x) * 255.0).round() as u8);
+                [r, g, b, texel[3]]
+            });
+            let samples = samples(Cow::Owned(texels.collect()));
+            png::PngImage { width: texture.width, height: texture.height, samples }
         })
     }
 
