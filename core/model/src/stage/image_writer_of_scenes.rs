@@ -32,6 +32,10 @@ impl Writer<Scenes> for ImageWriterOfScenes<Box<dyn Writer>> {
         self.0.needs_obj_ids()
     }
 
+    fn needs_sizes_of_assets(&self) -> bool {
+        self.0.needs_sizes_of_assets()
+    }
+
     fn ready(&self) -> Result<()> {
         self.0.ready()
     }

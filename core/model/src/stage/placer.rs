@@ -18,6 +18,10 @@ pub trait Placer: Send + Sync {
     fn places_objects(&self) -> bool {
         true
     }
+    /// Whether objects that it places, and that labels describe, can differ in size from their assets.
+    fn resizes_objects(&self) -> bool {
+        false
+    }
     /// The labeled objects that it has itself instead of drawing them from a pool: their names, their categories (empty for
     /// none), which get ids in annotation files, and their numbers.
     fn own_objects(&self) -> Vec<CatalogEntry> {

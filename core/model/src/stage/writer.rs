@@ -39,6 +39,11 @@ pub trait Writer<S: Subject = Images>: Send + Sync {
     fn needs_obj_ids(&self) -> bool {
         false
     }
+    /// Whether its files describe the shape of an object by its asset and a pose. If so, a recipe that varies the sizes of objects is
+    /// refused.
+    fn needs_sizes_of_assets(&self) -> bool {
+        false
+    }
     /// Checks its requirements beyond the options, such as files that they name. Called by `check` and before a run.
     fn ready(&self) -> Result<()> {
         Ok(())

@@ -1,5 +1,6 @@
 //! Checks that the steps of `[[place]]` go together. One step sets each part that a scene has once, before the steps
-//! that need it. Some step places objects, and a step sets every support that a stage names.
+//! that need it. Some step places objects, and a step sets every support that a stage names. No step varies the sizes of objects
+//! for a writer that takes them from the assets.
 
 use crate::tables::stages::{Built, BuiltStage};
 use crate::text::code::Code;
@@ -19,6 +20,7 @@ struct Step<'s, 'l> {
     may_set: Vec<Part>,
     needs: Vec<Part>,
     places_objects: bool,
+    resizes_objects: bool,
 }
 
 impl Step<'_, '_> {
@@ -40,6 +42,7 @@ pub(crate) fn check(built: &Built) -> Vec<DiagnosticBuilder> {
     }
     diagnostics.extend(unmet_needs(&steps));
     diagnostics.extend(unknown_supports(&steps, &built.stages));
+    diagnostics.extend(lost_sizes(&steps, &built.stages));
     match steps.last() {
         Some(last) if diagnostics.is_empty() && !steps.iter().any(|step| step.places_objects) => {
             vec![
@@ -98,8 +101,31 @@ impl<'s, 'l> Step<'s, 'l> {
             may_set,
             needs: declared.iter().flatten().flatten().filter_map(need).collect(),
             places_objects: placers.iter().any(|placer| placer.places_objects()),
+            resizes_objects: placers.iter().any(|placer| placer.resizes_objects()),
         })
     }
+}
+
+/// Writers that take the sizes of objects from their assets, if a step varies the sizes.
+fn lost_sizes(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilder> {
+    let Some(step) = steps.iter().find(|step| step.resizes_objects) else { return Vec::new() };
+    let is_refused = |stage: &&BuiltStage| match &stage.stage {
+        Some(Stage::WriteScenes(writer)) => writer.needs_sizes_of_assets(),
+        _ => false,
+    };
+    let refusal = |stage: &BuiltStage| {
+        let (writer, step_id) = (&stage.id, &step.stage.id);
+        let message = format!(
+            "`write.{writer}` describes each object by its asset and a pose, without a size, and step `{step_id}` of [[place]] varies \
+             the sizes of objects"
+        );
+        let refusal = DiagnosticBuilder::error(Code::NotStorable, stage.header.clone(), message);
+        refusal
+            .label("has no place for a size")
+            .also(step.stage.header.clone(), "sets `scale`")
+            .help("remove `scale` from the step, or write the dataset in another format")
+    };
+    stages.iter().filter(is_refused).map(refusal).collect()
 }
 
 /// Parts that two steps set.

@@ -181,8 +181,10 @@ codes! {
     /// The writer cannot store this kind of value.
     NotStorable = "D0024", "the writer cannot store this kind of value",
         "Each writer stores some kinds of value: a PNG file has no channel for floating-point numbers, an array file no \
-         place for records. The product is of a kind that this writer cannot store.",
-        "Write the product with another writer, as the message says; `syntable list products` shows the kind of each.";
+         place for records, a pose of BOP no place for the size of an object. The product is of a kind that this writer cannot \
+         store, or a step of `[[place]]` varies the sizes of objects and the writer cannot store them.",
+        "Write the product with another writer, as the message says; `syntable list products` shows the kind of each. For a \
+         writer without sizes, remove `scale` from the step.";
     /// Nothing reads the products of the stage. A warning.
     IdleStage = "D0025", "nothing reads what the stage provides",
         "The recipe sets up a sensor, an annotator or a denoiser, but no writer includes what it provides, nor anything \

@@ -58,6 +58,9 @@ use syntable_model::prelude::*;
 ///
 /// # Limits
 ///
+/// A pose of BOP has no scale. Recipes whose placers vary the sizes of objects, by their option `scale`, are refused. The
+/// conversion of such a dataset leaves these objects out and counts them, and ends with exit code 3.
+///
 /// BOP lists all objects of a scene, including hidden ones: for that, set `objects` to `all` here and in the annotators
 /// `object_info` and `visibility`. BOP has no lens distortion, so distorted images are refused. `mask` includes the
 /// parts that table and room hide, even if `table_and_room` of the annotator `masks` is `clip`. A dataset made with

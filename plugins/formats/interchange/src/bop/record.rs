@@ -162,6 +162,9 @@ pub struct ObjectInfoProduct {
     /// Number of the asset.
     #[serde(default)]
     obj_id: Option<u64>,
+    /// Ratio of the object's lengths to its asset's, if they differ.
+    #[serde(default)]
+    pub scale: Option<f64>,
     /// Origin of the asset's file in the object frame, m.
     #[serde(default)]
     model_origin_m: [f64; 3],

@@ -97,7 +97,7 @@ impl SceneWriter for BopScene {
             return Err(Error::new("BOP has no cameras with lens distortion")
                 .help("leave distortion out of the camera's options, or write the dataset with another writer"));
         }
-        let objects = self.config.objects.of(products)?;
+        let objects = at_sizes_of_models(self.config.objects.of(products)?, cx.log);
         let depth = products.get(self.config.depth.key())?;
         let files = BopView {
             rgb: self.config.rgb.encode(products.get(RGB)?)?,
@@ -161,6 +161,17 @@ impl BopObjects {
         };
         masks.into_iter().map(object).collect()
     }
+}
+
+/// The objects that are as large as their models. The others are left out, since a pose of BOP has no scale.
+fn at_sizes_of_models<'a>(objects: Vec<BopObject<'a>>, log: &dyn Log) -> Vec<BopObject<'a>> {
+    let all = objects.len();
+    let is_kept = |object: &BopObject| object.identity.scale.is_none_or(|scale| scale == 1.0);
+    let kept: Vec<BopObject> = objects.into_iter().filter(is_kept).collect();
+    let what = "objects are left out: they differ in size from their models, and a pose of BOP has no scale";
+    let help = "make the dataset without the option `scale` of its placers";
+    log.left_out(&LeftOut::new(all - kept.len(), all, what).help(help));
+    kept
 }
 
 type ObjectMaskPairs<'a> = Vec<(InstanceId, [Cow<'a, Mask>; 2])>;

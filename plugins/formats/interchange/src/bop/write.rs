@@ -51,6 +51,10 @@ impl Writer for Bop {
         true
     }
 
+    fn needs_sizes_of_assets(&self) -> bool {
+        true
+    }
+
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
         finish::write(self, cx, finish)
     }
