@@ -28,11 +28,14 @@ const WRITERS: [(&str, &[&str]); 10] = [
     ),
 ];
 
-/// A recipe of the quickstart's scenes whose only writer writes labels.
+/// A recipe of the quickstart's scenes whose only writer writes labels. Sizes and colors of objects vary: they are drawn again when
+/// the dataset grows, and must fit the stored poses.
 fn base(folder: &std::path::Path) -> std::path::PathBuf {
     let recipe = std::fs::read_to_string(crate::support::root().join("recipes/quickstart.toml")).expect("there");
     let (head, _) = recipe.split_once("[write.syntable]").expect("the writers come last");
     let path = folder.join("base.toml");
+    let vary = "width_factor = 0.45\nscale = { uniform = [0.6, 1.4] }\ncolor = { hue_deg = { uniform = [-180, 180] }, probability = 0.5 }";
+    let head = head.replace("width_factor = 0.45", vary);
     std::fs::write(&path, format!("{head}[write.first]\nkind = \"jsonl\"\ninclude = [\"object_info\"]\n"))
         .expect("writable");
     path

@@ -32,4 +32,5 @@ mod stats;
 mod support;
 mod third_party;
 mod validate;
+mod variation;
 mod views;

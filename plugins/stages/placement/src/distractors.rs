@@ -3,6 +3,7 @@
 use crate::bounds::rotated_bounds;
 use crate::material::MaterialReplacement;
 use crate::oriented_box::OrientedBox;
+use crate::variation::{ColorChange, SCALE, Variation, resized};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 use syntable_model::geometry::{Aabb, UnitQuaternion, Vector3, space_around};
@@ -46,6 +47,13 @@ pub struct Distractors {
     #[serde(default = "some")]
     #[schemars(range(min = 0.0, max = 1.0))]
     lying_probability: f64,
+    /// Factor of each distractor's size, 0.01 to 100. `size_m` counts after it. The size of the asset by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = SCALE[0], "maximum" = SCALE[1]))]
+    scale: Option<Dist>,
+    /// Changes the colors of some distractors, such as `{ hue_deg = { uniform = [-180, 180] }, probability = 0.5 }`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    color: Option<ColorChange>,
     /// Replaces the material of some distractors, such as `{ from = "materials", probability = 0.2 }`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     material: Option<MaterialReplacement>,
@@ -87,7 +95,7 @@ impl Config for Distractors {
                 return Err(ConfigError::new(key, message));
             }
         }
-        self.material.as_ref().map_or(Ok(()), MaterialReplacement::check)?;
+        self.variation().check()?;
         Ok(Box::new(self))
     }
 }
@@ -113,30 +121,31 @@ impl Placer for Distractors {
             .collect();
         for k in 0..self.count.draw(&mut context.stream.child("count")).max(0) as u64 {
             let stream = context.stream.child("object").at(k);
-            let Some((asset, object)) = self.asset(context, &mut stream.child("asset"))? else { continue };
+            let factor = self.variation().factor(&stream);
+            let Some((asset, object)) = self.asset(context, factor, &mut stream.child("asset"))? else { continue };
+            let object = resized(object, factor).map_err(|error| error.context(asset.to_string()))?;
             let rotation = self.rotation(&mut stream.child("rotation"));
             let Some(pose) = self.free_pose(&object, rotation, &surface, &room, &mut taken, &mut stream.child("place"))
             else {
                 continue;
             };
-            let surface = match &self.material {
-                Some(other) => other.draw(context.assets, &stream.child("surface"))?,
-                None => None,
-            };
-            scene.add(
-                BodyDraft::new(asset, object, pose, Role::Distractor, Motion::Fixed).with_material_override(surface),
-            );
+            let body = BodyDraft::new(asset, object, pose, Role::Distractor, Motion::Fixed);
+            scene.add(self.variation().painted(body, context.assets, &stream)?);
         }
         Ok(())
     }
 }
 
 impl Distractors {
-    /// Draws an asset within `size_m`; `None` if too many draws fail.
-    fn asset(&self, context: &Context, stream: &mut Stream) -> Result<Option<(AssetRef, Arc<Object>)>> {
+    fn variation(&self) -> Variation<'_> {
+        Variation { scale: self.scale.as_ref(), color: self.color.as_ref(), material: self.material.as_ref() }
+    }
+
+    /// Draws an asset that is within `size_m` at a factor of its size; `None` if too many draws fail.
+    fn asset(&self, context: &Context, factor: f64, stream: &mut Stream) -> Result<Option<(AssetRef, Arc<Object>)>> {
         for _ in 0..MAX_DRAWS {
             let (asset, object) = context.assets.draw_object(&self.from, stream)?;
-            let edge = object.mesh.bounds().size().max();
+            let edge = object.mesh.bounds().size().max() * factor;
             if (self.size_m[0]..=self.size_m[1]).contains(&edge) {
                 return Ok(Some((asset, object)));
             }

@@ -2,6 +2,7 @@
 
 use crate::material::MaterialReplacement;
 use crate::oriented_box::OrientedBox;
+use crate::variation::{ColorChange, SCALE, Variation, resized};
 use std::sync::Arc;
 use syntable_model::geometry::{Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
@@ -58,6 +59,14 @@ pub struct DropBox {
     #[serde(default = "tries")]
     #[schemars(range(min = 1, max = 100000))]
     max_tries: u32,
+    /// Factor of each object's size, 0.01 to 100. Mass and friction belong to the material, so the mass grows with the cube. The size
+    /// of the asset by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = SCALE[0], "maximum" = SCALE[1]))]
+    scale: Option<Dist>,
+    /// Changes the colors of some objects, such as `{ hue_deg = { uniform = [-180, 180] }, probability = 0.5 }`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    color: Option<ColorChange>,
     /// Replaces the material of some objects, such as `{ from = "materials", probability = 0.2 }`. Shape and mass stay.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     material: Option<MaterialReplacement>,
@@ -129,7 +138,7 @@ impl Config for DropBox {
 
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
         self.count.within("count", i64::from(self.annotated), COUNT[1])?;
-        self.material.as_ref().map_or(Ok(()), MaterialReplacement::check)?;
+        self.variation().check()?;
         self.friction.as_ref().map_or(Ok(()), |friction| friction.within("friction", FRICTION[0], FRICTION[1]))?;
         self.restitution
             .as_ref()
@@ -146,6 +155,10 @@ impl Placer for DropBox {
 
     fn places_objects(&self) -> bool {
         self.annotated
+    }
+
+    fn resizes_objects(&self) -> bool {
+        self.annotated && self.variation().resizes()
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
@@ -170,6 +183,8 @@ impl Placer for DropBox {
                 Some(drawn) => drawn[k].clone(),
                 None => context.assets.draw_object(&self.from, &mut stream.child("asset"))?,
             };
+            let factor = self.variation().factor(&stream);
+            let object = resized(object, factor).map_err(|error| error.context(asset.to_string()))?;
             let rotation = self.rotation.draw(&mut stream.child("rotation"));
             let pose = if self.overlap_free {
                 self.free_pose(&object, rotation, &mut space, &mut taken, &stream.child("place")).map_err(|error| {
@@ -181,13 +196,10 @@ impl Placer for DropBox {
             } else {
                 pose_at(&object, rotation, space.draw(&mut stream.child("place")))
             };
-            let surface = match &self.material {
-                Some(other) => other.draw(context.assets, &stream.child("surface"))?,
-                None => None,
-            };
             let role = if self.annotated { Role::Object } else { Role::Distractor };
             let motion = if self.fixed { Motion::Fixed } else { Motion::Dynamic };
-            let body = BodyDraft::new(asset, object, pose, role, motion).with_material_override(surface);
+            let body = BodyDraft::new(asset, object, pose, role, motion);
+            let body = self.variation().painted(body, context.assets, &stream)?;
             let draw = |dist: &Dist, name: &str| dist.draw(&mut stream.child(name));
             let body = BodyDraft {
                 friction: self.friction.as_ref().map_or(body.friction, |dist| draw(dist, "friction")),
@@ -201,6 +213,10 @@ impl Placer for DropBox {
 }
 
 impl DropBox {
+    fn variation(&self) -> Variation<'_> {
+        Variation { scale: self.scale.as_ref(), color: self.color.as_ref(), material: self.material.as_ref() }
+    }
+
     /// Draws distinct objects. Assets that cannot be loaded are skipped.
     fn distinct(&self, count: usize, context: &Context) -> Result<Vec<(AssetRef, Arc<Object>)>> {
         let all = context.assets.drawn_order(&self.from, &mut context.stream.child("order"))?;

@@ -15,6 +15,7 @@ mod mesh;
 mod oriented_box;
 mod room;
 mod table;
+mod variation;
 
 pub use distractors::Distractors;
 pub use drop_box::DropBox;

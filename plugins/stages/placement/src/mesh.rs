@@ -2,6 +2,7 @@
 
 use crate::bounds::rotated_bounds;
 use crate::material::MaterialReplacement;
+use crate::variation::{ColorChange, Variation};
 use schemars::{Schema, SchemaGenerator, json_schema};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -102,6 +103,9 @@ pub struct Mesh {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = FRICTION[0], "maximum" = FRICTION[1]))]
     friction: Option<Dist>,
+    /// Changes the colors of the mesh in some scenes, such as `{ hue_deg = { uniform = [-180, 180] } }`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    color: Option<ColorChange>,
     /// Replaces the materials of the file, such as `{ from = "materials", probability = 0.2 }`. Shape and mass stay.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     material: Option<MaterialReplacement>,
@@ -230,7 +234,7 @@ impl Config for Mesh {
             return Err(ConfigError::new("supports", message).help(help));
         }
         self.friction.as_ref().map_or(Ok(()), |friction| friction.within("friction", FRICTION[0], FRICTION[1]))?;
-        self.material.as_ref().map_or(Ok(()), MaterialReplacement::check)?;
+        self.variation().check()?;
         Ok(Box::new(self))
     }
 }
@@ -282,17 +286,14 @@ impl Placer for Mesh {
             MeshRole::Distractor => Role::Distractor,
             MeshRole::Object => Role::Object,
         };
-        let material = match &self.material {
-            Some(other) => other.draw(context.assets, &context.stream.child("surface"))?,
-            None => None,
-        };
         let asset = AssetRef { pool: POOL.to_owned(), name: self.name() };
         let pose = Pose::from_parts(position.into(), rotation);
         let motion = match self.motion {
             MeshMotion::Static => Motion::Fixed,
             MeshMotion::Dynamic => Motion::Dynamic,
         };
-        let body = BodyDraft::new(asset, object, pose, role, motion).with_material_override(material);
+        let body = BodyDraft::new(asset, object, pose, role, motion);
+        let body = self.variation().painted(body, context.assets, &context.stream)?;
         let friction = self.friction.as_ref().map(|friction| friction.draw(&mut context.stream.child("friction")));
         let body = BodyDraft { friction: friction.unwrap_or(body.friction), ..body };
         match scene.support(self.relative_to.as_ref()).ok().cloned() {
@@ -306,6 +307,10 @@ impl Placer for Mesh {
 }
 
 impl Mesh {
+    fn variation(&self) -> Variation<'_> {
+        Variation { scale: None, color: self.color.as_ref(), material: self.material.as_ref() }
+    }
+
     fn name(&self) -> String {
         let of_file = || self.path.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
         self.name.clone().unwrap_or_else(of_file)

@@ -3,6 +3,7 @@
 use crate::bounds::rotated_bounds;
 use crate::material::{TEXTURE_SCALE, always, any_angle_deg, check_scale, draw_material, real_size};
 use crate::room::refuse_table_through_wall;
+use crate::variation::ColorChange;
 use std::sync::Arc;
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, UnitQuaternion, Vector3};
@@ -33,6 +34,9 @@ pub struct Table {
     #[serde(default = "real_size")]
     #[schemars(extend("minimum" = TEXTURE_SCALE[0], "maximum" = TEXTURE_SCALE[1]))]
     texture_scale: Dist,
+    /// Changes the colors of some tables, such as `{ brightness = { uniform = [0.6, 1.2] } }`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    color: Option<ColorChange>,
     /// Rotation of the table about the world z axis, degrees.
     #[serde(default = "no_rotation")]
     yaw_deg: Dist,
@@ -69,6 +73,7 @@ impl Config for Table {
 
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
         check_scale("texture_scale", &self.texture_scale)?;
+        self.color.as_ref().map_or(Ok(()), ColorChange::check)?;
         self.longer_side_m
             .as_ref()
             .map_or(Ok(()), |side| side.within("longer_side_m", LONGER_SIDE_M[0], LONGER_SIDE_M[1]))?;
@@ -104,7 +109,9 @@ impl Placer for Table {
             }
             _ => None,
         };
-        let body = BodyDraft::new(asset, object, pose, Role::Support, Motion::Fixed).with_material_override(material);
+        let recolor = self.color.as_ref().and_then(|color| color.draw(&context.stream.child("color")));
+        let body = BodyDraft::new(asset, object, pose, Role::Support, Motion::Fixed);
+        let body = body.with_material_override(material).with_recolor(recolor);
         refuse_table_in_support(scene, &body)?;
         let surface = Region::rectangle([0.0, 0.0, size.z], [size.x, size.y]);
         scene.supports.add(Support::new(self.support.as_str(), surface))?;

@@ -91,6 +91,54 @@ fn some_objects_get_another_material_and_nothing_else_changes() {
 }
 
 #[test]
+fn objects_of_a_factor_are_their_assets_at_that_factor() {
+    let (table, plain) = (table(), placer("drop_box", "from = [\"small\"]\ncount = 20"));
+    let vary = "scale = { uniform = [0.5, 2.0] }\ncolor = { hue_deg = { uniform = [-90, 90] }, brightness = 0.8, probability = 0.5 }";
+    let varied = placer("drop_box", &format!("from = [\"small\"]\ncount = 20\n{vary}"));
+    assert!(varied.resizes_objects() && !plain.resizes_objects());
+    let (mut factors, mut recolored) = (Vec::new(), 0);
+    for seed in 0..100 {
+        let (a, _) = place(&[&*table, &*plain], seed).expect("placed");
+        let (b, _) = place(&[&*table, &*varied], seed).expect("placed");
+        assert_apart(&objects(&b));
+        for (a, b) in objects(&a).iter().zip(objects(&b)) {
+            assert_eq!((&a.asset, a.world_from_body.rotation), (&b.asset, b.world_from_body.rotation));
+            let (asset, factor) = b.object.at_own_size();
+            assert_eq!((asset.digest, asset.mesh.bounds()), (a.object.digest, a.object.mesh.bounds()));
+            let [was, is] = [&a.object, &b.object].map(|object| object.mesh.bounds());
+            assert!(
+                (was.size() * factor - is.size()).norm() < 1e-6
+                    && (was.min.coords * factor - is.min.coords).norm() < 1e-6
+            );
+            // Assets of 1 kg: the density stays, and so does the inertia of that density, with the fifth power.
+            assert!((b.mass.kg / factor.powi(3) - 1.0).abs() < 1e-12);
+            assert!((b.mass.inertia() - a.mass.inertia() * factor.powi(5)).norm() < 1e-6);
+            assert_ne!(a.object.digest, b.object.digest);
+            factors.push(factor);
+            recolored += usize::from(b.recolor.is_some_and(|it| it.brightness == 0.8 && it.hue_deg.abs() <= 90.0));
+        }
+    }
+    let mean = factors.iter().sum::<f64>() / factors.len() as f64;
+    // Uniform in [0.5, 2): 1.25, with a standard deviation of 1.5 / √12 / √2000.
+    assert!((mean - 1.25).abs() < 0.04 && factors.iter().all(|factor| (0.5..2.0).contains(factor)), "{mean}");
+    // 1000 ± 4 standard deviations of a binomial.
+    assert!((910..=1090).contains(&recolored), "{recolored} of 2000");
+    // Distractors have their size limits after the factor: of edges of 50, 80 and 90 mm, at half of their size.
+    let clutter = placer("distractors", "from = [\"small\"]\ncount = 9\nsize_m = [0.001, 0.03]\nscale = 0.5");
+    let (scene, _) = place(&[&*table, &*clutter], 3).expect("placed");
+    let names = scene.bodies().filter(|(_, body)| body.role == Role::Distractor).map(|(_, body)| &*body.asset.name);
+    assert_eq!(names.collect::<std::collections::BTreeSet<_>>().into_iter().collect::<Vec<_>>(), ["30x40x50"]);
+    assert!(!clutter.resizes_objects(), "no label describes them");
+    // 80 mm and more at a hundred times the size; another draw of the scene might fit.
+    let huge = placer("drop_box", "from = [\"big\"]\ncount = 1\nscale = 100");
+    let error = place(&[&*table, &*huge], 1).expect_err("too large");
+    assert!(error.is_unlucky(), "{error}");
+    let said = error.to_string();
+    assert!(said.contains("big/300x300x300: object extent 30.000 m is outside the allowed range"), "{said}");
+    assert!(said.contains("at the scale 100.0000 (narrow the placer's `scale`)"), "{said}");
+}
+
+#[test]
 fn distractors_lie_on_the_floor_around_the_table() {
     let (room, table) = (placer("room", "size_m = 4\nheight_m = 3"), table());
     let options = "from = [\"small\", \"big\"]\ncount = 30\ndistance_m = [0.2, 0.9]";
