@@ -1,4 +1,4 @@
-//! Other colors of a body than those of its materials.
+//! A change of the colors of a body.
 
 use crate::photometry::luminance;
 use serde::Serialize;
