@@ -246,6 +246,10 @@ pub struct Context<'a> {
 pub trait Assets: Send + Sync {
     /// The entries of a pool, sorted by name.
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]>;
+    /// Name of a pool in asset names. In a mixture of recipes, it can differ from the name that the recipe's options use.
+    fn pool_name<'p>(&'p self, pool: &'p str) -> &'p str {
+        pool
+    }
     /// Loads an asset. An error means that the asset is bad; the error has been reported.
     fn get(&self, asset: &AssetRef) -> Result<Asset>;
     /// States how many assets the stage is about to load, for messages about progress. By default, this does nothing.
@@ -321,7 +325,8 @@ impl<'a> Undrawn<'a> {
         let group = |(weight, pools): (f64, Vec<&'a str>)| {
             let mut group = Vec::new();
             for pool in pools {
-                group.extend(assets.entries(pool)?.iter().map(|entry| (pool, entry)));
+                let name = assets.pool_name(pool);
+                group.extend(assets.entries(pool)?.iter().map(|entry| (name, entry)));
             }
             Ok((weight, group))
         };

@@ -12,12 +12,17 @@
 //! - [`plan`] resolves which stage computes each requested product.
 //! - [`schema`] generates the JSON Schema for editors, which the loader validates against, too.
 //!
+//! Each component of a mixture passes through the last two like a recipe of its own, and `agreement` compares their plans.
+//!
 //! [`load()`] passes through these in this order and returns a [`Recipe`] with warnings, or a [`Report`] of all mistakes.
 //!
 //! **Invariants.** Files are opened through [`Overrides`] only, and no asset is touched. Each file is parsed once and
 //! each table validated once. A value keeps its file and bytes however recipes are merged. One bad table never hides the
 //! mistakes of another. Loading the text in [`Recipe::resolved`] gives the same text.
 
+mod agreement;
+mod assemble;
+mod component;
 mod load;
 mod merge;
 mod one_of;
@@ -31,6 +36,7 @@ mod tables;
 mod text;
 mod writer_paths;
 
+pub use component::{Component, components_of};
 pub use load::{Checked, checked, load};
 pub use merge::overrides::Overrides;
 pub use one_of::{Chosen, OneOf};

@@ -1,21 +1,18 @@
 //! Loads a recipe: reads all texts, builds all tables, reports all mistakes.
 
+use crate::agreement;
+use crate::assemble::{BuiltComponent, assemble, pool};
 use crate::merge::graph::{self, Damage};
 use crate::merge::overrides::Overrides;
 use crate::merge::renamed::{RENAMED, RenamedNames};
 use crate::merge::variables::{self, PathRules};
-use crate::one_of::OneOf;
-use crate::plan::of_tables::{part, plan};
-use crate::plan::{Implied, Plan};
+use crate::plan::Plan;
+use crate::plan::of_tables::part;
 use crate::recipe::Recipe;
-use crate::resolved::{self, ResolvedStage};
 use crate::schema::kinds::Schemas;
-use crate::tables::dataset::{Dataset, DatasetTable, Lock, LockTable};
+use crate::tables::dataset::{DatasetTable, LockTable};
 use crate::tables::loader::Loader;
-use crate::tables::noise;
-use crate::tables::placers;
-use crate::tables::pool::{Pool, PoolOptions};
-use crate::tables::rig::Rig;
+use crate::tables::pool::Pool;
 use crate::tables::sections;
 use crate::tables::stages::{Built, BuiltStage};
 use crate::text::code::Code;
@@ -27,8 +24,8 @@ use crate::writer_paths::{bad_paths, unready};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
-use syntable_model::registry::{Registry, Slot, Stage};
-use syntable_model::stage::{AssetSource, DatasetInfo, Placer, Scenes, Writer};
+use syntable_model::registry::{Registry, Stage};
+use syntable_model::stage::{DatasetInfo, Scenes, Writer};
 
 /// Loads a recipe. Returns it with its warnings.
 ///
@@ -79,8 +76,8 @@ struct ReadRecipe<'r> {
     /// `[dataset]`, with the number of views that it or `[views]` states.
     dataset: Option<DatasetTable>,
     lock: LockTable,
-    built: Built<'r>,
-    plan: Option<Plan>,
+    /// Components of the mixture, or the recipe itself.
+    components: Vec<BuiltComponent<'r>>,
     diagnostics: Vec<DiagnosticBuilder>,
     /// Damage by syntax errors and missing bases.
     damage: Damage,
@@ -92,8 +89,9 @@ impl<'r> ReadRecipe<'r> {
         let mut diagnostics = Vec::new();
         let folder = source.path.as_deref().and_then(Path::parent).map(Path::to_owned);
         let schemas = Schemas::of(registry);
-        let graph = graph::gather(source, overrides, &sources, &schemas, &mut diagnostics);
+        let mut graph = graph::gather(source, overrides, &sources, &schemas, &mut diagnostics);
         let incomplete = !diagnostics.is_empty();
+        let lines = std::mem::take(&mut graph.of_components);
         let (mut tree, mut damage) = graph.merge(&mut diagnostics);
         damage.keys_lost |= incomplete;
 
@@ -110,19 +108,19 @@ impl<'r> ReadRecipe<'r> {
             resolved: lock.is_some(),
         };
         let loader = Loader { registry, schemas: &schemas, overrides, sources: &sources, renamed, paths };
-        let mut built = loader.build(&mut tree, &mut diagnostics);
-        diagnostics.extend(placers::check(&built));
-        let plan = plan(registry, &mut built, &overrides.wanted, &mut diagnostics);
-        diagnostics.extend(plan.as_ref().and_then(|plan| noise::check(&built, plan)));
+        let components = loader.components(tree, lines, &mut damage, &mut diagnostics);
+        let components = BuiltComponent::all(&loader, components, &mut diagnostics);
+        diagnostics.extend(agreement::check(&components));
         if let Some((lock, span)) = &lock {
             diagnostics.extend(sections::lock_mismatches(lock, span, registry));
         }
         let dataset = dataset.map(|(spans, table)| {
+            let built: Vec<_> = components.iter().map(|component| (component.id.as_str(), &component.built)).collect();
             let views_per_scene = sections::views_per_scene(&spans, &table, &built, &mut diagnostics);
             DatasetTable { views_per_scene, ..table }
         });
         let lock = lock.map(|(lock, _)| lock).unwrap_or_default();
-        Self { sources, folder, dataset, lock, built, plan, diagnostics, damage }
+        Self { sources, folder, dataset, lock, components, diagnostics, damage }
     }
 
     /// The recipe with its warnings, or its mistakes.
@@ -131,8 +129,8 @@ impl<'r> ReadRecipe<'r> {
         if diagnostics.iter().any(Diagnostic::is_error) {
             return Err(BrokenRecipe { report: Report { diagnostics, other: None }, pools: self.pools() });
         }
-        let Self { sources, folder, dataset, lock, built, plan, .. } = self;
-        match dataset.and_then(|dataset| assemble(dataset, built, plan?, lock)) {
+        let Self { sources, folder, dataset, lock, components, .. } = self;
+        match dataset.and_then(|dataset| assemble(dataset, components, lock)) {
             Some(recipe) => Ok((Recipe { folder, checks: registry.checks().to_vec(), ..recipe }, diagnostics)),
             None => {
                 // A part can be missing without an error of its own only if a syntax error lost it.
@@ -143,20 +141,37 @@ impl<'r> ReadRecipe<'r> {
         }
     }
 
-    /// The pools that could be built.
+    /// The pools that could be built, by their tables without the section `assets` of a recipe.
     fn pools(self) -> BTreeMap<String, Pool> {
-        let Built { stages, pools: mut options, .. } = self.built;
-        let found = stages.into_iter().filter(|stage| stage.found);
-        let pools = found.filter_map(|mut stage| match stage.stage.take() {
-            Some(Stage::Assets(source)) => pool(&stage, source, &mut options).map(|pool| (stage.id, pool)),
-            _ => None,
+        let pools = self.components.into_iter().flat_map(|component| {
+            let BuiltComponent { id: component, built, .. } = component;
+            let Built { stages, pools: mut options, .. } = built;
+            let found = stages.into_iter().filter(|stage| stage.found);
+            let pools = found.filter_map(move |mut stage| match stage.stage.take() {
+                Some(Stage::Assets(source)) => {
+                    let id = stage.id.clone();
+                    let name = if component.is_empty() { id.clone() } else { format!("{component}.{id}") };
+                    pool(&component, &stage, source, &mut options).map(|pool| (name, pool))
+                }
+                _ => None,
+            });
+            pools.collect::<Vec<_>>()
         });
         pools.collect()
     }
 
     /// Reports what the built stages lack, and paths of files that clash.
     fn add_needs(&mut self) {
-        let sound: Vec<&BuiltStage> = self.built.stages.iter().filter(|stage| stage.found).collect();
+        let mut found = Vec::new();
+        for component in &self.components {
+            found.extend(self.needs(component));
+        }
+        self.diagnostics.extend(found);
+    }
+
+    fn needs(&self, component: &BuiltComponent) -> Vec<DiagnosticBuilder> {
+        let BuiltComponent { built, plan, .. } = component;
+        let sound: Vec<&BuiltStage> = built.stages.iter().filter(|stage| stage.found).collect();
         let writers: Vec<(&str, &dyn Writer<Scenes>)> = (sound.iter())
             .filter_map(|stage| match &stage.stage {
                 Some(Stage::WriteScenes(writer)) => Some((stage.id.as_str(), &**writer)),
@@ -164,7 +179,7 @@ impl<'r> ReadRecipe<'r> {
             })
             .collect();
         let mut mistakes: Vec<(String, Error)> =
-            self.plan.iter().flat_map(Plan::missing).map(|(stage, error)| (stage.to_owned(), error)).collect();
+            plan.iter().flat_map(Plan::missing).map(|(stage, error)| (stage.to_owned(), error)).collect();
         // Paths do not depend on mistakes in [dataset].
         let info = DatasetInfo {
             name: self.dataset.as_ref().map_or("dataset", |table| &table.name).to_owned(),
@@ -174,7 +189,7 @@ impl<'r> ReadRecipe<'r> {
             ..DatasetInfo::default()
         };
         let of_writers = (writers.iter().filter_map(|writer| unready(*writer)))
-            .chain(bad_paths(&info, &writers, self.plan.as_ref()))
+            .chain(bad_paths(&info, &writers, plan.as_ref()))
             .map(|(id, error)| (format!("write.{id}"), error));
         mistakes.extend(of_writers);
         let diagnostic = |(stage, error): (String, Error)| {
@@ -182,8 +197,7 @@ impl<'r> ReadRecipe<'r> {
             let diagnostic = DiagnosticBuilder::error(Code::InvalidValue, header, error.without_help());
             error.help_text().into_iter().fold(diagnostic, |diagnostic, help| diagnostic.help(help))
         };
-        let found: Vec<DiagnosticBuilder> = mistakes.into_iter().map(diagnostic).collect();
-        self.diagnostics.extend(found);
+        mistakes.into_iter().map(diagnostic).collect()
     }
 }
 
@@ -226,126 +240,4 @@ fn in_reading_order(sources: &Sources, mut diagnostics: Vec<DiagnosticBuilder>, 
         diagnostics.into_iter().map(|diagnostic| diagnostic.build(sources)).collect();
     diagnostics.dedup();
     diagnostics
-}
-
-/// The pool of a source of assets that was built.
-fn pool(
-    stage: &BuiltStage,
-    mut source: Box<dyn AssetSource>,
-    options: &mut BTreeMap<String, PoolOptions>,
-) -> Option<Pool> {
-    let options = options.remove(&stage.id)?;
-    source.limit(options.limits);
-    Some(Pool { kind: stage.entry.kind.to_owned(), source, options })
-}
-
-fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) -> Option<Recipe> {
-    let dataset_options = toml::Table::try_from(&dataset).ok()?;
-    let (mut assets, mut place, mut lights) = (BTreeMap::new(), Vec::new(), Vec::new());
-    let (mut write, mut labeled_pools) = (Vec::new(), BTreeSet::new());
-    let (mut settle, mut camera, mut views, mut render) = (None, None, None, None);
-    // A resolved recipe names the stages that run with their defaults, too.
-    let mut stages: Vec<ResolvedStage> = plan.implied.iter().map(implied).collect();
-    let mut pools = built.pools;
-    let (files, draws, libraries) = (built.files, built.draws, built.libraries);
-    let rig = Rig::of(&built.views.rig).ok()?;
-    let (choices, undecided, conditions) = (built.choices, built.undecided, built.views.conditions);
-    let lock = Lock::from(lock);
-    for mut stage in built.stages {
-        let plugin = |stage: &BuiltStage| (stage.entry.crate_name, stage.entry.crate_version);
-        let plugins = stage.all().map(plugin).collect();
-        let kind = stage.alternatives.is_empty().then_some(stage.entry.kind);
-        match stage.slot {
-            Slot::Place => {
-                let placers = alternatives(&mut stage, |stage| match stage {
-                    Stage::Place(placer) => Some(placer),
-                    _ => None,
-                })?;
-                if placers.all().any(Placer::places_objects) {
-                    labeled_pools.append(&mut stage.object_pools);
-                }
-                place.push((stage.id.clone(), placers));
-            }
-            Slot::Settle => {
-                settle = alternatives(&mut stage, |stage| match stage {
-                    Stage::Settle(settler) => Some(settler),
-                    _ => None,
-                });
-            }
-            Slot::Lights => {
-                let samplers = alternatives(&mut stage, |stage| match stage {
-                    Stage::Lights(sampler) => Some(sampler),
-                    _ => None,
-                })?;
-                lights.push((stage.id.clone(), samplers));
-            }
-            _ => {}
-        }
-        match stage.stage.take() {
-            Some(Stage::Assets(source)) => {
-                assets.insert(stage.id.clone(), pool(&stage, source, &mut pools)?);
-            }
-            Some(Stage::Camera(model)) => camera = Some(model),
-            Some(Stage::Views(sampler)) => views = Some(sampler),
-            Some(Stage::Lights(sampler)) => lights.push((stage.id.clone(), OneOf::only(sampler))),
-            Some(Stage::Render(renderer)) => render = Some(renderer),
-            Some(Stage::WriteScenes(writer)) => write.push((stage.id.clone(), writer)),
-            // Producers are in the plan.
-            _ => {}
-        }
-        stages.push(ResolvedStage { slot: stage.slot, id: stage.id, kind, options: stage.options, plugins });
-    }
-    write.sort_by(|(a, _), (b, _)| a.cmp(b));
-    Some(Recipe {
-        resolved: resolved::write(&dataset_options, &stages, &lock),
-        dataset: Dataset {
-            name: dataset.name,
-            seed: dataset.seed,
-            scenes: dataset.scenes,
-            views_per_scene: dataset.views_per_scene?,
-            max_attempts: dataset.max_attempts,
-            on_bad_asset: dataset.on_bad_asset,
-        },
-        assets,
-        place,
-        settle: settle?,
-        camera: camera?,
-        views: views?,
-        conditions,
-        rig,
-        lights,
-        render: render?,
-        write,
-        plan,
-        lock,
-        files,
-        draws,
-        checks: Vec::new(),
-        labeled_pools,
-        folder: None,
-        choices,
-        undecided,
-        libraries,
-    })
-}
-
-/// A stage with its alternatives, if it has any.
-fn alternatives<T: ?Sized>(stage: &mut BuiltStage, of: fn(Stage) -> Option<Box<T>>) -> Option<OneOf<T>> {
-    if stage.alternatives.is_empty() {
-        return of(stage.stage.take()?).map(OneOf::only);
-    }
-    let all = std::mem::take(&mut stage.alternatives).into_iter();
-    let all = all.map(|(weight, mut stage)| Some((weight, of(stage.stage.take()?)?))).collect::<Option<_>>()?;
-    Some(OneOf::weighted(all))
-}
-
-/// A stage that runs although the recipe does not have it.
-fn implied((stage, Implied { entry, options, .. }): &(String, Implied)) -> ResolvedStage {
-    ResolvedStage {
-        slot: entry.slot,
-        id: stage.split_once('.').map_or(entry.kind, |(_, id)| id).to_owned(),
-        kind: Some(entry.kind),
-        options: options.clone(),
-        plugins: vec![(entry.crate_name, entry.crate_version)],
-    }
 }

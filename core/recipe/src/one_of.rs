@@ -15,13 +15,20 @@ pub struct Chosen<'s, T: ?Sized> {
     pub alternative: Option<u32>,
 }
 
+impl<T> OneOf<T> {
+    /// The stage or its alternatives, by value.
+    pub(crate) fn into_all(self) -> impl Iterator<Item = T> {
+        self.0.into_iter().map(|(_, stage)| *stage)
+    }
+}
+
 impl<T: ?Sized> OneOf<T> {
     /// A stage without alternatives.
     pub fn only(stage: Box<T>) -> Self {
         Self(vec![(1.0, stage)])
     }
 
-    /// Alternatives with their weights; at least one weight is above zero.
+    /// Alternatives with their weights: at least one, and at least one weight is above zero.
     pub(crate) fn weighted(alternatives: Vec<(f64, Box<T>)>) -> Self {
         Self(alternatives)
     }
@@ -29,6 +36,21 @@ impl<T: ?Sized> OneOf<T> {
     /// The stage or its alternatives.
     pub fn all(&self) -> impl Iterator<Item = &T> {
         self.0.iter().map(|(_, stage)| &**stage)
+    }
+
+    /// The stage or its alternatives, each with its weight.
+    pub fn weights(&self) -> impl Iterator<Item = (f64, &T)> {
+        self.0.iter().map(|(weight, stage)| (*weight, &**stage))
+    }
+
+    /// The first alternative, or the only stage.
+    pub fn first(&self) -> &T {
+        &self.0[0].1
+    }
+
+    /// The stage or its alternatives, mutable.
+    pub(crate) fn all_mut(&mut self) -> impl Iterator<Item = &mut T> {
+        self.0.iter_mut().map(|(_, stage)| &mut **stage)
     }
 
     /// Draws an alternative from the random numbers of the stage. A stage without alternatives gets these numbers unchanged.

@@ -1,13 +1,12 @@
 //! A loaded recipe, and facts about its run that are known beforehand.
 
-use crate::one_of::OneOf;
-use crate::plan::{Plan, memory};
+use crate::component::Component;
+use crate::one_of::{Chosen, OneOf};
+use crate::plan::memory;
 use crate::resolved::without_lock;
-use crate::tables::conditions::ViewConditions;
+use crate::tables::alternatives::MIXTURE;
 use crate::tables::dataset::{Dataset, Lock};
 use crate::tables::pool::Pool;
-use crate::tables::references::Draw;
-use crate::tables::rig::Rig;
 use crate::writer_paths::{bad_paths, unready};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -16,38 +15,21 @@ use std::sync::Arc;
 use syntable_model::check::LabelCheck;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
+use syntable_model::random::Stream;
 use syntable_model::registry::Slot;
 use syntable_model::scene::CatalogEntry;
-use syntable_model::stage::{
-    CameraModel, DatasetInfo, LightSampler, Placer, Renderer, Scenes, Settler, ViewSampler, Writer,
-};
+use syntable_model::stage::{DatasetInfo, Scenes, Writer};
 
 /// A loaded recipe, ready to be planned and run.
 pub struct Recipe {
     /// Name, seed and size of the dataset.
     pub dataset: Dataset,
-    /// The pools, by id.
+    /// The pools of all components, by name.
     pub assets: BTreeMap<String, Pool>,
-    /// The placers with their ids, in the order in which they run.
-    pub place: Vec<(String, OneOf<dyn Placer>)>,
-    /// The settler.
-    pub settle: OneOf<dyn Settler>,
-    /// The camera.
-    pub camera: Box<dyn CameraModel>,
-    /// The view sampler.
-    pub views: Box<dyn ViewSampler>,
-    /// Conditions that the poses of the view sampler must meet.
-    pub conditions: Option<ViewConditions>,
-    /// The cameras of each pose of the view sampler.
-    pub rig: Rig,
-    /// The light samplers with their ids, in the recipe's order.
-    pub lights: Vec<(String, OneOf<dyn LightSampler>)>,
-    /// The renderer.
-    pub render: Box<dyn Renderer>,
+    /// The components of a mixture, or the only component. Each makes scenes.
+    pub components: OneOf<Component>,
     /// The writers, by id.
     pub write: Vec<(String, Box<dyn Writer<Scenes>>)>,
-    /// The products to compute for the writers, with the denoiser, the sensors and the annotators.
-    pub plan: Plan,
     /// The whole recipe as TOML: every default filled in, every kind named, nothing inherited, with the versions that
     /// made it. Loading it gives the same text.
     pub resolved: String,
@@ -55,12 +37,8 @@ pub struct Recipe {
     pub lock: Lock,
     /// Files that options of stages name, by the option; assets and libraries are left out. Their content matters.
     pub files: Vec<(String, PathBuf)>,
-    /// Options of stages that name pools, in the order of the slots.
-    pub draws: Vec<Draw>,
     /// Statements that must hold in every view.
     pub checks: Vec<Arc<dyn LabelCheck>>,
-    /// Pools from which placers draw objects that labels describe.
-    pub labeled_pools: BTreeSet<String>,
     /// The folder of the recipe's file, if it has one.
     pub folder: Option<PathBuf>,
     /// Kinds that were chosen for this machine, for users: one line each.
@@ -76,8 +54,11 @@ impl Recipe {
     /// [`trusted`](Self::trusted).
     pub fn ready(&self, allow_libraries: bool) -> Result<()> {
         self.trusted(allow_libraries)?;
-        self.plan.ready()?;
-        self.render.devices().map_err(|error| error.context("render"))?;
+        for component in self.components.all() {
+            component.plan.ready()?;
+            let devices = component.render.devices();
+            devices.map_err(|error| error.context(component.table(Slot::Render.name())))?;
+        }
         self.checked()
     }
 
@@ -92,44 +73,57 @@ impl Recipe {
     /// Refuses images that do not fit in this machine's memory. If the camera does not state the size of its images,
     /// the size is unknown before a view.
     pub fn fits(&self) -> Result<()> {
-        match self.resolution().zip(memory::installed()) {
-            Some((size, installed)) => memory::fits(&self.plan, size, installed),
+        let Some(installed) = memory::installed() else { return Ok(()) };
+        let fits = |component: &Component| match component.resolution {
+            Some(size) => memory::fits(&component.plan, size, installed),
             None => Ok(()),
-        }
+        };
+        self.components.all().try_for_each(fits)
     }
 
     fn checked(&self) -> Result<()> {
         let writers: Vec<(&str, &dyn Writer<Scenes>)> =
             self.write.iter().map(|(id, writer)| (id.as_str(), &**writer)).collect();
         let mistakes = writers.iter().filter_map(|writer| unready(*writer));
-        let mut mistakes = mistakes.chain(bad_paths(&self.dataset_info(), &writers, Some(&self.plan)));
+        // Components agree on the products that writers read.
+        let plan = &self.components.first().plan;
+        let mut mistakes = mistakes.chain(bad_paths(&self.dataset_info(), &writers, Some(plan)));
         mistakes.next().map_or(Ok(()), |(_, error)| Err(error))
     }
 
     /// The labeled objects that placers have themselves instead of drawing them from a pool, each with its step's id.
     pub fn own_objects(&self) -> Vec<(&str, CatalogEntry)> {
-        let steps = self
-            .place
-            .iter()
-            .flat_map(|(id, placers)| placers.all().map(move |placer| (id.as_str(), placer.own_objects())));
+        let steps = self.components.all().flat_map(|component| &component.place);
+        let steps =
+            steps.flat_map(|(id, placers)| placers.all().map(move |placer| (id.as_str(), placer.own_objects())));
         steps.flat_map(|(id, own)| own.into_iter().map(move |entry| (id, entry))).collect()
     }
 
-    /// Width and height of the images, px, if the camera states them.
-    pub fn resolution(&self) -> Option<[u32; 2]> {
-        let resolved: toml::Table = self.resolved.parse().ok()?;
-        resolved.get(Slot::Camera.name())?.get("resolution")?.clone().try_into().ok()
+    /// The component that makes a scene, with its index. It depends on the number of the scene, and on the name and the seed of
+    /// the dataset.
+    pub fn component_of(&self, scene: u32) -> (usize, &Component) {
+        let stream = Stream::root(self.dataset.seed).child(&self.dataset.name).child(MIXTURE).at(u64::from(scene));
+        let Chosen { stage, alternative, .. } = self.components.draw(stream);
+        (alternative.unwrap_or_default() as usize, stage)
     }
 
-    /// Bytes of the images that writers store of each view, before compression; none if the size of images is not known before a
-    /// view. Masks and records, whose size follows the number of objects, come on top.
+    /// Pools of labeled objects of all components.
+    pub fn labeled_pools(&self) -> BTreeSet<String> {
+        self.components.all().flat_map(|component| component.labeled_pools.iter().cloned()).collect()
+    }
+
+    /// Bytes of the images that writers store of each view, before compression, at most; none if the size of images is not known
+    /// before a view. Masks and records, whose size follows the number of objects, come on top.
     pub fn stored_bytes_per_view(&self) -> Option<u64> {
-        let [width, height] = self.resolution()?;
-        let bytes = self.plan.entries.iter().map(|entry| {
-            let writers = entry.wanted_by.iter().filter(|stage| stage.starts_with("write.")).count() as u64;
-            writers * memory::bytes_per_pixel(&entry.key)
-        });
-        Some(u64::from(width) * u64::from(height) * bytes.sum::<u64>())
+        let of_component = |component: &Component| {
+            let [width, height] = component.resolution?;
+            let bytes = component.plan.entries.iter().map(|entry| {
+                let writers = entry.wanted_by.iter().filter(|stage| stage.starts_with("write.")).count() as u64;
+                writers * memory::bytes_per_pixel(&entry.key)
+            });
+            Some(u64::from(width) * u64::from(height) * bytes.sum::<u64>())
+        };
+        self.components.all().map(of_component).try_fold(0, |most, bytes| Some(bytes?.max(most)))
     }
 
     /// Digests of the files that options name, by option. Folders have no digest.
@@ -160,7 +154,12 @@ impl Recipe {
             program: concat!("syntable ", env!("CARGO_PKG_VERSION")).to_owned(),
             classes: classes.into_iter().filter(|class| *class != DatasetInfo::OBJECT.1).collect(),
             own_categories: Vec::new(),
-            label_surface: self.render.label_surface(),
+            label_surface: self.components.first().render.label_surface(),
         }
+    }
+
+    /// Information on the dataset for stages that work on the scenes of a component.
+    pub fn info_of(&self, component: &Component) -> DatasetInfo {
+        DatasetInfo { label_surface: component.render.label_surface(), ..self.dataset_info() }
     }
 }

@@ -1,5 +1,6 @@
 //! The resolved recipe: every default filled in, nothing inherited, and the versions that made it.
 
+use crate::tables::alternatives::{MIXTURE, WEIGHT};
 use crate::tables::dataset::{CatalogLock, Lock, LockTable};
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::registry::{Shape, Slot};
@@ -16,20 +17,62 @@ pub(crate) struct ResolvedStage {
     pub plugins: Vec<(&'static str, &'static str)>,
 }
 
-/// Writes a resolved recipe: slot by slot, keyed stages by id.
-pub(crate) fn write(dataset: &toml::Table, stages: &[ResolvedStage], inputs: &Lock) -> String {
-    let version = env!("CARGO_PKG_VERSION");
-    let mut ordered: Vec<&ResolvedStage> = stages.iter().collect();
-    ordered.sort_by_key(|stage| (stage.slot, (stage.slot.shape() == Shape::Keyed).then_some(&stage.id)));
+/// A component of a resolved recipe, with the writers of the recipe.
+pub(crate) struct ResolvedComponent {
+    /// Its name in the mixture; empty in a recipe that is no mixture.
+    pub id: String,
+    pub weight: f64,
+    pub stages: Vec<ResolvedStage>,
+}
 
+/// Writes a resolved recipe: component by component, slot by slot, keyed stages by id.
+pub(crate) fn write(dataset: &toml::Table, components: &[ResolvedComponent], inputs: &Lock) -> String {
+    let version = env!("CARGO_PKG_VERSION");
     let mut document = DocumentMut::new();
-    for slot in Slot::ALL {
-        if slot.shape() == Shape::List && !ordered.iter().any(|stage| stage.slot == slot) {
-            // A missing list has a default; an empty one has none.
-            document.insert(slot.name(), Item::Value(Value::Array(Default::default())));
-        }
+    let is_mixture = components.iter().any(|component| !component.id.is_empty());
+    if !is_mixture {
+        components.iter().for_each(|component| empty_lists(&mut document, &component.stages));
     }
     document.insert("dataset", Item::Table(table(dataset)));
+    if is_mixture {
+        for ResolvedComponent { id, weight, stages } in components {
+            let mut component = Table::new();
+            component.insert(WEIGHT, Item::Value(float(*weight)));
+            empty_lists(&mut component, stages);
+            sections(&mut component, stages.iter().filter(|stage| stage.slot != Slot::Write));
+            parent(&mut document, MIXTURE).insert(id, Item::Table(component));
+        }
+        let shared = components.iter().take(1).flat_map(|component| &component.stages);
+        sections(&mut document, shared.filter(|stage| stage.slot == Slot::Write));
+    } else {
+        components.iter().for_each(|component| sections(&mut document, component.stages.iter()));
+    }
+    let stages = components.iter().flat_map(|component| &component.stages);
+    let plugins: BTreeMap<&str, &str> = stages.flat_map(|stage| stage.plugins.iter().copied()).collect();
+    let mut lock = Table::new();
+    lock.insert("syntable", version.into());
+    lock.insert("plugins", Item::Table(strings(plugins)));
+    document.insert("lock", Item::Table(lock));
+    insert_lock(&mut document, inputs);
+    let comment = format!(
+        "# Resolved by syntable {version}: every default is filled in. Running this file again gives the same dataset.\n\n"
+    );
+    comment + document.to_string().trim_start()
+}
+
+/// Adds the lists without stages. A missing list has a default; an empty one has none.
+fn empty_lists(tables: &mut Table, stages: &[ResolvedStage]) {
+    for slot in Slot::ALL {
+        if slot.shape() == Shape::List && !stages.iter().any(|stage| stage.slot == slot) {
+            tables.insert(slot.name(), Item::Value(Value::Array(Default::default())));
+        }
+    }
+}
+
+/// Adds the tables of some stages.
+fn sections<'s>(tables: &mut Table, stages: impl Iterator<Item = &'s ResolvedStage>) {
+    let mut ordered: Vec<&ResolvedStage> = stages.collect();
+    ordered.sort_by_key(|stage| (stage.slot, (stage.slot.shape() == Shape::Keyed).then_some(&stage.id)));
     for stage in ordered {
         let name = stage.slot.name();
         let mut options = Table::new();
@@ -42,27 +85,17 @@ pub(crate) fn write(dataset: &toml::Table, stages: &[ResolvedStage], inputs: &Lo
         fill(&mut options, &stage.options);
         match stage.slot.shape() {
             Shape::One => {
-                document.insert(name, Item::Table(options));
+                tables.insert(name, Item::Table(options));
             }
             Shape::List => {
-                let list = document.entry(name).or_insert_with(|| Item::ArrayOfTables(ArrayOfTables::new()));
+                let list = tables.entry(name).or_insert_with(|| Item::ArrayOfTables(ArrayOfTables::new()));
                 list.as_array_of_tables_mut().into_iter().for_each(|list| list.push(options.clone()));
             }
             _ => {
-                parent(&mut document, name).insert(&stage.id, Item::Table(options));
+                parent(tables, name).insert(&stage.id, Item::Table(options));
             }
         }
     }
-    let plugins: BTreeMap<&str, &str> = stages.iter().flat_map(|stage| stage.plugins.iter().copied()).collect();
-    let mut lock = Table::new();
-    lock.insert("syntable", version.into());
-    lock.insert("plugins", Item::Table(strings(plugins)));
-    document.insert("lock", Item::Table(lock));
-    insert_lock(&mut document, inputs);
-    let comment = format!(
-        "# Resolved by syntable {version}: every default is filled in. Running this file again gives the same dataset.\n\n"
-    );
-    comment + document.to_string().trim_start()
 }
 
 /// Returns a resolved recipe with its inputs locked. Assets that it already locks stay, unless their digests are
@@ -164,8 +197,8 @@ fn insert_lock(document: &mut DocumentMut, new: &Lock) {
 }
 
 /// The table of a name, created without a header of its own if it is missing.
-fn parent<'d>(document: &'d mut DocumentMut, name: &str) -> &'d mut Table {
-    let item = document.entry(name).or_insert_with(|| {
+fn parent<'t>(tables: &'t mut Table, name: &str) -> &'t mut Table {
+    let item = tables.entry(name).or_insert_with(|| {
         let mut table = Table::new();
         table.set_implicit(true);
         Item::Table(table)

@@ -67,7 +67,7 @@ fn bad(text: &str, set: &[(&str, &str)]) -> Report {
 
 /// The producers that run, in order.
 fn stages(recipe: &Recipe) -> Vec<&str> {
-    recipe.plan.stages().map(|planned| planned.stage.as_str()).collect()
+    recipe.components.first().plan.stages().map(|planned| planned.stage.as_str()).collect()
 }
 
 fn messages(text: &str, set: &[(&str, &str)]) -> Vec<String> {
@@ -123,9 +123,9 @@ fn broken_recipes_give_the_expected_text() {
 fn a_recipe_becomes_stages() {
     let recipe = good(GOOD);
     assert_eq!((recipe.dataset.scenes, recipe.dataset.views_per_scene, recipe.dataset.max_attempts), (2, 3, 3));
-    let ids: Vec<&str> = recipe.place.iter().map(|(id, _)| id.as_str()).collect();
+    let ids: Vec<&str> = recipe.components.first().place.iter().map(|(id, _)| id.as_str()).collect();
     assert_eq!(ids, ["room", "drop_box", "drop_box_2"]);
-    let lights: Vec<&str> = recipe.lights.iter().map(|(id, _)| id.as_str()).collect();
+    let lights: Vec<&str> = recipe.components.first().lights.iter().map(|(id, _)| id.as_str()).collect();
     assert_eq!(lights, ["sphere_lights"], "a missing section gets its default kinds");
     let reads: Vec<String> = recipe.write[0].1.reads().into_iter().map(|input| input.product).collect();
     assert_eq!(reads, ["radiance", "amodal_mask"]);
@@ -191,7 +191,7 @@ kind = "npy"
         assert_eq!(syntable_recipe::without_lock(&locked.resolved), recipe.resolved);
     }
     let recipe = good(&format!("{lists}{more}"));
-    assert!(recipe.lights.is_empty() && recipe.dataset.views_per_scene == 2);
+    assert!(recipe.components.first().lights.is_empty() && recipe.dataset.views_per_scene == 2);
     assert_eq!(recipe.write.iter().map(|(id, _)| id.as_str()).collect::<Vec<_>>(), ["first", "second"]);
     for line in [
         "root = \"meshes\"",
@@ -216,10 +216,13 @@ fn the_resolved_text_names_what_runs_with_defaults() {
     assert!(!resolved.contains("[annotate.rate]"), "{resolved}");
     let own = good(&format!("{GOOD}\n[annotate.mine]\nkind = \"masks\"\n"));
     assert!(own.resolved.contains("[annotate.mine]") && !own.resolved.contains("[annotate.masks]"), "{}", own.resolved);
-    assert_eq!((stages(&own), own.plan.implied.len()), (vec!["annotate.mine"], 0));
+    assert_eq!((stages(&own), own.components.first().plan.implied.len()), (vec!["annotate.mine"], 0));
     let rates = good(&format!("{GOOD}\n[write.npy]\ninclude = [\"occlusion_rate\"]\n"));
     assert!(rates.resolved.contains("[annotate.masks]") && rates.resolved.contains("[annotate.rate]"));
-    assert_eq!((stages(&rates), rates.plan.implied.len()), (vec!["annotate.masks", "annotate.rate"], 2));
+    assert_eq!(
+        (stages(&rates), rates.components.first().plan.implied.len()),
+        (vec!["annotate.masks", "annotate.rate"], 2)
+    );
 }
 
 /// A source of objects with an option that pools have, and one whose limit no validator knows.
@@ -609,10 +612,10 @@ fn alternatives_are_completed_and_written_back() {
         "[[place]]\none_of = [{ kind = \"room\", material = { floor = \"materials\" } }, { kind = \"room\", weight = 3 }]\n",
     );
     let recipe = good(&text);
-    let ids: Vec<&str> = recipe.place.iter().map(|(id, _)| id.as_str()).collect();
+    let ids: Vec<&str> = recipe.components.first().place.iter().map(|(id, _)| id.as_str()).collect();
     assert_eq!(ids, ["one_of", "drop_box", "drop_box_2"]);
-    assert_eq!(recipe.place[0].1.all().count(), 2);
-    assert_eq!(recipe.draws[0].option, "place.one_of.one_of[0].material.floor");
+    assert_eq!(recipe.components.first().place[0].1.all().count(), 2);
+    assert_eq!(recipe.components.first().draws[0].option, "place.one_of.one_of[0].material.floor");
     let resolved: toml::Table = recipe.resolved.parse().expect("TOML");
     let alternatives = resolved["place"][0]["one_of"].as_array().expect("alternatives");
     let weights: Vec<f64> = alternatives.iter().filter_map(|it| it["weight"].as_float()).collect();
@@ -635,11 +638,11 @@ fn every_kind_of_views_has_conditions() {
     let given =
         "[views]\nkind = \"listed\"\neyes_m = [[1, 0, 1]]\nconditions = { min_objects = \"all\", uncut = true }\n";
     let recipe = good(&format!("{}{given}", GOOD.replace("views_per_scene = 3\n", "")));
-    let conditions = recipe.conditions.as_ref().expect("given");
+    let conditions = recipe.components.first().conditions.as_ref().expect("given");
     assert!(conditions.uncut && conditions.outside_bodies && conditions.attempts == 100);
     assert!(recipe.resolved.contains("min_objects = \"all\"") && recipe.resolved.contains("on_failure = \"error\""));
     assert_eq!(good(&recipe.resolved).resolved, recipe.resolved);
-    assert!(good(GOOD).conditions.is_none() && !good(GOOD).resolved.contains("conditions"));
+    assert!(good(GOOD).components.first().conditions.is_none() && !good(GOOD).resolved.contains("conditions"));
     let empty = messages(GOOD, &[("views.conditions.distance_m", "[2, 1]")]);
     assert!(empty.len() == 1 && empty[0].contains("`distance_m = [2, 1]` is empty"), "{empty:?}");
 }

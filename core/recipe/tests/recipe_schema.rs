@@ -139,6 +139,30 @@ fn what_is_required_may_be_inherited() {
 }
 
 #[test]
+fn components_of_mixtures_have_the_tables_of_recipes() {
+    let schema = compile(&syntable_recipe::editor_schema(&registry()));
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    fs::write(folder.path().join("base.toml"), BASE).expect("written");
+    for (tables, expected) in [
+        ("", true),
+        ("weight = 0.5\n[mixture.a.camera]\nkind = \"pinhole\"", true),
+        ("weight = -1", false),
+        ("share = 1", false),
+        ("[mixture.a.camera]\nkind = \"fisheye\"", false),
+        ("[mixture.a.write.npy]", false),
+        ("dataset = { scenes = 3 }", false),
+    ] {
+        let head = "[dataset]\nscenes = 2\nviews_per_scene = 2\n[write.npy]\n";
+        let text =
+            format!("{head}[mixture.b]\nextends = \"base.toml\"\n[mixture.a]\nextends = \"base.toml\"\n{tables}\n");
+        let json = serde_json::to_value(toml::from_str::<Table>(&text).expect("valid")).expect("JSON");
+        assert_eq!(schema.is_valid(&json), expected, "{tables}");
+        let loaded = load(Source::file(folder.path().join("mixed.toml"), text), &[]);
+        assert_eq!(loaded.is_ok(), expected, "{tables}");
+    }
+}
+
+#[test]
 fn a_table_whose_id_is_a_kind_is_of_that_kind() {
     let schema = compile(&syntable_recipe::editor_schema(&registry()));
     for (table, expected) in [
@@ -210,7 +234,10 @@ fn agrees(check: impl Fn(&Path, &Path) -> Verdict) {
     };
     let child = "extends = \"base.toml\"\nremove = [\"write.first\"]\n\n[write.png]\ndepth = \"sixteen\"\n\n[set]\n\"place.things.count\" = 5\n";
     let resolved = load(Source::embedded("good.toml", BASE), &[]).map(|(recipe, _)| recipe.resolved).expect("good");
-    for (name, text) in [("good.toml", BASE), ("child.toml", child), ("resolved.toml", &resolved)] {
+    let mixed = "[dataset]\nscenes = 1\n\n[mixture.a]\nweight = 2\nextends = \"base.toml\"\n\n[mixture.a.camera]\nkind = \"pinhole\"\n\n[write.npy]\n";
+    for (name, text) in
+        [("good.toml", BASE), ("child.toml", child), ("resolved.toml", &resolved), ("mixed.toml", mixed)]
+    {
         let verdict = judge(name, text);
         assert!(verdict.accepted && !verdict.text.contains("strict"), "{name} is refused:\n{}\n{text}", verdict.text);
     }

@@ -1,13 +1,13 @@
 //! Samples in memory: the views of a recipe's scenes with the products that a program requests, without files.
 
 use crate::cache::DiskCache;
-use crate::pools::{AssetStore, RecordingAssets};
+use crate::pools::AssetStore;
 use crate::run::dataset::loss::Loss;
 use crate::run::making::attempt::{Attempt, Tools};
 use crate::run::making::losses::Losses;
 use crate::run::making::queue::Queue;
 use crate::run::making::recovery::SceneAttempts;
-use crate::run::making::sessions::{Sessions, scenes_in_flight};
+use crate::run::making::sessions::{AllSessions, scenes_in_flight};
 use crate::run::making::times::Times;
 use crate::run::making::walk::{SceneWalk, ViewSink, scene_event};
 use crate::run::panics;
@@ -24,8 +24,10 @@ use std::thread::{self, JoinHandle};
 use syntable_model::context::{SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{KeyId, Products, Scope};
-use syntable_model::scene::{Scene, SceneId, View};
-use syntable_recipe::Recipe;
+use syntable_model::scene::{Scene, View};
+use syntable_model::stage::DatasetInfo;
+use syntable_recipe::plan::Plan;
+use syntable_recipe::{Component, Recipe};
 
 /// Number of samples that wait for the caller of a [`Generator`], besides the scenes in flight.
 const WAITING: usize = 1;
@@ -96,17 +98,14 @@ pub fn generate(
     let scenes = scene_range::within(options.scenes.as_ref(), recipe.dataset.scenes)?;
     recipe.ready(options.allow_libraries)?;
     recipe.fits()?;
-    let names = products(recipe, options)?;
-    let plan = recipe.plan.part(names.iter().map(String::as_str), false).on(&*recipe.render);
+    let components =
+        recipe.components.all().map(|component| SampleWork::of(recipe, component, options)).collect::<Result<_>>()?;
     let (assets, times) = (AssetStore::open(recipe, &log)?, Times::default());
     let in_flight = scenes_in_flight(recipe, options.threads, scenes.len());
-    let sessions = Sessions::open(&*recipe.render, in_flight)?;
-    let (dataset, stop) = (recipe.dataset_info(), options.stop.nested());
+    let (sessions, stop) = (AllSessions::open(recipe, in_flight)?, options.stop.nested());
     let (workers, cache) = (&Stoppable { workers: &pool, stop: &stop }, &options.cache);
     let tools = Tools { recipe, assets: &assets, cache, workers, log: &log, times: &times, stop: &stop };
-    let walk =
-        SceneWalk { tools, sessions: &sessions, checks: &recipe.checks, reporter, dataset: &dataset, plan: &plan };
-    let maker = SampleMaker { walk, names: &names, left_out: Mutex::default() };
+    let maker = SampleMaker { tools, reporter, sessions: &sessions, components, left_out: Mutex::default() };
     let order = SceneOrder::new(scenes.start, scenes.len().min(in_flight) as u32);
     let mut failed = Vec::new();
     let result = panics::quiet(|| {
@@ -139,10 +138,27 @@ pub fn generate(
     }
 }
 
-/// Names of the products that samples have.
-fn products(recipe: &Recipe, options: &GenerateOptions) -> Result<Vec<String>> {
+/// The work on the scenes of a component.
+struct SampleWork {
+    /// Names of the products that samples have.
+    names: Vec<String>,
+    plan: Plan,
+    dataset: DatasetInfo,
+}
+
+impl SampleWork {
+    fn of(recipe: &Recipe, component: &Component, options: &GenerateOptions) -> Result<Self> {
+        let names = products(component, options)?;
+        let plan = component.plan.part(names.iter().map(String::as_str), false).on(&*component.render);
+        Ok(Self { names, plan, dataset: recipe.info_of(component) })
+    }
+}
+
+/// Names of the products that samples of a component have.
+fn products(component: &Component, options: &GenerateOptions) -> Result<Vec<String>> {
+    let entries = &component.plan.entries;
     let computed: Vec<&KeyId> =
-        recipe.plan.entries.iter().map(|entry| &entry.key).filter(|key| key.scope != Scope::Dataset).collect();
+        entries.iter().map(|entry| &entry.key).filter(|key| key.scope != Scope::Dataset).collect();
     if options.products.is_empty() {
         return Ok(computed.into_iter().map(|key| key.to_string()).collect());
     }
@@ -155,35 +171,40 @@ fn products(recipe: &Recipe, options: &GenerateOptions) -> Result<Vec<String>> {
 
 /// Makes the samples of scenes.
 struct SampleMaker<'a> {
-    walk: SceneWalk<'a>,
-    names: &'a [String],
+    tools: Tools<'a>,
+    reporter: &'a dyn Reporter,
+    sessions: &'a AllSessions<'a>,
+    /// The work on the scenes of each component.
+    components: Vec<SampleWork>,
     left_out: Mutex<Vec<Loss>>,
 }
 
-impl<'a> SampleMaker<'a> {
+impl SampleMaker<'_> {
     /// The samples of a scene. `None` if the scene fails. An error stops the work.
-    fn scene(&self, scene: u32, queue: &Queue<'a>) -> SceneSamples {
-        let SceneWalk { tools, reporter, .. } = self.walk;
+    fn scene<'env>(&'env self, scene: u32, queue: &Queue<'env>) -> SceneSamples {
+        let Self { tools, reporter, .. } = *self;
         let attempts = SceneAttempts { tools, reporter, scene, first: 0, is_present: false };
         let attempts = attempts.make(|number| self.attempt(scene, number, queue), Ok);
         Ok(attempts.map_err(|error| error.context(format!("scene {scene}")))?.made)
     }
 
-    fn attempt(&self, scene: u32, number: u32, queue: &Queue<'a>) -> Result<Vec<Sample>> {
-        let SceneWalk { tools, dataset, reporter, .. } = self.walk;
-        let assets = RecordingAssets::new(tools.assets);
-        let attempt = Attempt { tools, dataset, scene: SceneId(scene), number, assets, draws: Mutex::default() };
+    fn attempt<'env>(&'env self, scene: u32, number: u32, queue: &Queue<'env>) -> Result<Vec<Sample>> {
+        let Self { tools, reporter, sessions, .. } = *self;
+        let (index, component) = tools.recipe.component_of(scene);
+        let SampleWork { names, plan, dataset } = &self.components[index];
+        let (sessions, checks) = (sessions.of(component), &tools.recipe.checks);
+        let walk = SceneWalk { tools, sessions, checks, reporter, dataset, plan };
+        let attempt = Attempt::new(tools, dataset, (scene, number));
         let mut builder = attempt.place()?;
         let report = attempt.settle(&mut builder)?;
         let frozen = Arc::new(builder.freeze(attempt.scene, number, report)?);
         let losses = Arc::new(Losses::default());
-        let start = |_: &SceneContext| {
-            Ok(SampleSink { scene: Arc::clone(&frozen), names: self.names.to_vec(), all: Vec::new() })
-        };
-        let (sink, of_scene) = self.walk.scene(&attempt, &frozen, &losses, queue, start)?;
+        let start =
+            |_: &SceneContext| Ok(SampleSink { scene: Arc::clone(&frozen), names: names.clone(), all: Vec::new() });
+        let (sink, of_scene) = walk.scene(&attempt, &frozen, &losses, queue, start)?;
         self.left_out.lock().extend(losses.all());
         reporter.event(&scene_event(&frozen));
-        let of_scene = of_scene.only(self.names);
+        let of_scene = of_scene.only(names);
         let mut samples = sink.all;
         for sample in &mut samples {
             sample.products.extend(of_scene.clone().without(&sample.products))?;

@@ -380,6 +380,13 @@ impl<'s> Reference<'s> {
             };
             let _ = writeln!(page, "| [{}]({slot}.md) | {} | {default} |", header(slot), spec.doc);
         }
+        let _ = write!(
+            page,
+            "\n## `[mixture.<id>]`\n\n{} A component has a weight, the keys of the next section except `lock`, and all slots except \
+             `write`: [Mixtures of recipes](../scenes.md#mixtures-of-recipes).\n",
+            text(&properties["mixture"])
+        );
+        page += &self.options(&self.definitions["component"], &[], &|name| name != "weight");
         page += "\n## Inheritance and overrides\n\n| key | value | meaning |\n|---|---|---|\n";
         for key in ["extends", "remove", "set", "lock"] {
             let value = match key {

@@ -50,9 +50,9 @@ fn dataset(out: &Path) {
 }
 
 /// Run lengths of the visible and amodal masks of each image, by scene and view, sorted.
-type Masks = BTreeMap<(u32, u32), Vec<[Vec<u32>; 2]>>;
+pub type Masks = BTreeMap<(u32, u32), Vec<[Vec<u32>; 2]>>;
 
-fn masks(root: &Path, format: &str) -> Masks {
+pub fn masks(root: &Path, format: &str) -> Masks {
     let (_, dataset) = open_dataset(root, Some(format)).expect("a dataset");
     let found = checked(&dataset).expect("checked");
     assert!(found.is_sound(), "{format}: {:?}", found.faults);

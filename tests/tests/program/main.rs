@@ -22,6 +22,7 @@ mod imports;
 mod interchange;
 mod labels;
 mod memory;
+mod mixture;
 mod mutations;
 mod preview;
 mod recipes;

@@ -4,7 +4,7 @@ use crate::arguments::RecipeChanges;
 use crate::console::Console;
 use crate::exit::Exit;
 use clap::Args;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_model::context::{Collected, Log};
 use syntable_model::error::Error;
@@ -135,8 +135,9 @@ fn recipe(console: &Console, registry: &Registry, args: &CheckArgs, path: Option
 }
 
 fn no_errors(recipe: &Recipe) -> String {
-    let products = recipe.plan.entries.len();
-    format!("{}: no errors; the recipe computes {products} products\n", recipe.dataset.name)
+    let entries = recipe.components.all().flat_map(|component| &component.plan.entries);
+    let products: BTreeSet<String> = entries.map(|entry| entry.key.to_string()).collect();
+    format!("{}: no errors; the recipe computes {} products\n", recipe.dataset.name, products.len())
 }
 
 /// Loads all assets of the pools, or of one pool. The log names the faults of bad assets, and the error has their

@@ -7,7 +7,7 @@ use crate::signals::{Ends, ended, on_signals};
 use clap::Args;
 use std::time::Duration;
 use syntable_model::registry::Registry;
-use syntable_recipe::Recipe;
+use syntable_recipe::{Component, Recipe};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::forecast::{Bound, Forecast, ForecastOptions, forecast};
 use syntable_runtime::run::progress::{clock, count};
@@ -59,13 +59,26 @@ fn table(recipe: &Recipe) -> String {
     let dataset = &recipe.dataset;
     let images = u64::from(dataset.scenes) * u64::from(dataset.views_per_scene);
     format!(
-        "{}: {} × {} = {images} images\n\n{}{}",
+        "{}: {} × {} = {images} images\n{}{}",
         dataset.name,
         count(dataset.scenes, "scene"),
         count(dataset.views_per_scene, "view"),
-        recipe.plan.table(&*recipe.render),
+        plans(recipe),
         disk(recipe, images)
     )
+}
+
+/// The plan of each component.
+fn plans(recipe: &Recipe) -> String {
+    let total: f64 = recipe.components.weights().map(|(weight, _)| weight).sum();
+    let plan = |(weight, component): (f64, &Component)| {
+        let of = match component.id.as_str() {
+            "" => String::new(),
+            id => format!("{id}: about {:.1} % of the scenes\n", 100.0 * weight / total),
+        };
+        format!("\n{of}{}", component.plan.table(&*component.render))
+    };
+    recipe.components.weights().map(plan).collect()
 }
 
 /// Upper bound on the size of the written images before rendering: the size of their uncompressed numbers.

@@ -3,6 +3,7 @@
 use crate::merge::overrides::Overrides;
 use crate::merge::variables::{self, PathRules};
 use crate::schema::kinds::Schemas;
+use crate::tables::alternatives::{MIXTURE, WEIGHT};
 use crate::text::code::Code;
 use crate::text::diagnostic::DiagnosticBuilder;
 use crate::text::origin::{self, Builtin, Source};
@@ -20,6 +21,8 @@ pub(crate) struct Graph<'a> {
     pub nodes: Vec<GraphNode<'a>>,
     pub root: Option<usize>,
     pub overrides: Vec<Override<'a>>,
+    /// Overrides inside the components of a mixture, each with the component.
+    pub of_components: Vec<(&'a str, Override<'a>)>,
     /// Errors of syntax.
     pub syntax: Vec<DiagnosticBuilder>,
     pub damage: Damage,
@@ -36,6 +39,14 @@ pub(crate) struct Damage {
     pub misread: Vec<Span>,
 }
 
+impl Damage {
+    /// Adds the damage of other texts.
+    pub fn add(&mut self, other: Self) {
+        self.keys_lost |= other.keys_lost;
+        self.misread.extend(other.misread);
+    }
+}
+
 /// A text of a recipe.
 pub(crate) struct GraphNode<'a> {
     pub file: &'a SourceFile,
@@ -48,11 +59,22 @@ pub(crate) struct GraphNode<'a> {
 }
 
 /// One `--set PATH=VALUE`.
+#[derive(Clone, Copy)]
 pub(crate) struct Override<'a> {
     pub path: &'a str,
     pub path_at: usize,
     pub value: &'a str,
     pub value_at: usize,
+}
+
+impl<'a> Override<'a> {
+    /// The component of a mixture that it changes, and its form inside the component.
+    fn in_component(&self) -> Option<(&'a str, Self)> {
+        let rest = self.path.strip_prefix(MIXTURE)?.strip_prefix('.')?;
+        let (component, path) = rest.split_once('.').filter(|(_, path)| ![WEIGHT, "extends"].contains(path))?;
+        let path_at = self.path_at + self.path.len() - path.len();
+        Some((component, Self { path, path_at, ..*self }))
+    }
 }
 
 /// Reads and parses a recipe and all that it extends.
@@ -74,7 +96,40 @@ pub(crate) fn gather<'a>(
         TreeReader { overrides, sources, nodes: Vec::new(), syntax: Vec::new(), damage: Damage::default() };
     let root = reader.visit(file, identity, &mut Vec::new(), diagnostics);
     let TreeReader { nodes, syntax, damage, .. } = reader;
-    Graph { nodes, root, overrides: read_overrides(overrides, sources), syntax, damage, sources, schemas }
+    let (mut of_recipe, mut of_components) = (Vec::new(), Vec::new());
+    for line in read_overrides(overrides, sources) {
+        match line.in_component() {
+            Some(line) => of_components.push(line),
+            None => of_recipe.push(line),
+        }
+    }
+    Graph { nodes, root, overrides: of_recipe, of_components, syntax, damage, sources, schemas }
+}
+
+/// Reads and parses what a component of a mixture extends. The component is a table of the recipe at `header`.
+pub(crate) fn gather_component<'a>(
+    (header, mut table): (&Span, DeTable<'a>),
+    lines: Vec<Override<'a>>,
+    overrides: &Overrides,
+    (sources, schemas): (&'a Sources, &'a Schemas),
+    diagnostics: &mut Vec<DiagnosticBuilder>,
+) -> Graph<'a> {
+    let mut reader =
+        TreeReader { overrides, sources, nodes: Vec::new(), syntax: Vec::new(), damage: Damage::default() };
+    let own = sources.file_of(header).or_else(|| sources.root()).map(|file| &**file);
+    let root = own.map(|file| {
+        let extends = table.remove("extends");
+        reader.nodes.push(GraphNode { file, table, bases: Vec::new(), identity: None });
+        for (text, span) in extends.map_or_else(Vec::new, |value| strings(&value, "extends", diagnostics)) {
+            // An inherited table names recipes relative to its own file.
+            let file = sources.file_of(&span).map_or(file, |file| &**file);
+            let base = reader.base(&text, &span, file, &mut vec![0], diagnostics);
+            reader.nodes[0].bases.extend(base);
+        }
+        0
+    });
+    let TreeReader { nodes, syntax, damage, .. } = reader;
+    Graph { nodes, root, overrides: lines, of_components: Vec::new(), syntax, damage, sources, schemas }
 }
 
 /// Adds the overrides as a pseudo-file of lines `path=value`.

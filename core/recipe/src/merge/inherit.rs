@@ -7,12 +7,14 @@
 //! - a stage to which the child gives another `kind`, in its table or by `[set]` or `--set`, keeps the inherited
 //!   options that the new kind also has. A pool keeps none, because its options describe other assets;
 //! - `[[place]]` and `[[lights]]` are replaced as a whole when the child gives any;
+//! - `[mixture.<id>]`: section by section, as recipes;
 //! - `remove = ["write.npy"]` removes inherited values, before the child's own are added;
 //! - `[set]` reaches anywhere, by paths as in `--set`: `place.objects.count = 5` or `"lights[0].count" = 5`.
 
 use crate::merge::edit::{Position, by_index, display, list_ids, read_path, remove, set};
 use crate::merge::graph::{Damage, Graph, GraphNode, strings, wrong_type};
 use crate::schema::kinds::KindSchema;
+use crate::tables::alternatives::MIXTURE;
 use crate::text::code::Code;
 use crate::text::diagnostic::DiagnosticBuilder;
 use crate::text::parse;
@@ -84,7 +86,7 @@ impl<'a> Graph<'a> {
         tree = self.merge_trees(tree, own);
         match sets.map(|sets| (sets.span(), sets.into_inner())) {
             Some((_, DeValue::Table(sets))) => {
-                self.put(&mut tree, (index, &[]), sets, &mut Vec::new(), diagnostics);
+                self.put(&mut tree, &[], sets, &mut Vec::new(), diagnostics);
             }
             Some((span, _)) => diagnostics.push(wrong_type(span, "set", "a table of paths and values")),
             None => {}
@@ -98,12 +100,11 @@ impl<'a> Graph<'a> {
     fn put(
         &self,
         tree: &mut DeTable<'a>,
-        (node, parents): (usize, &[(Step, Span)]),
+        parents: &[(Step, Span)],
         sets: DeTable<'a>,
         seen: &mut Vec<(Vec<Step>, Span)>,
         diagnostics: &mut Vec<DiagnosticBuilder>,
     ) {
-        let file = &self.nodes[node].file;
         for (key, value) in sets {
             let span = key.span();
             // A quoted key starts a byte before its text.
@@ -117,9 +118,10 @@ impl<'a> Graph<'a> {
             };
             // A table in braces is a value. A table made by dots or by a header is a part of the path.
             let value_span = value.span();
-            let inline = file.text()[value_span.start - file.start()..].starts_with('{');
+            let file = self.sources.file_of(&value_span);
+            let inline = file.is_some_and(|file| file.text()[value_span.start - file.start()..].starts_with('{'));
             match value.into_inner() {
-                DeValue::Table(inner) if !inline => self.put(tree, (node, &steps), inner, seen, diagnostics),
+                DeValue::Table(inner) if !inline => self.put(tree, &steps, inner, seen, diagnostics),
                 other => {
                     let place = by_index(tree, &steps);
                     diagnostics.extend(set_before(&place, &display(&steps), &span, seen));
@@ -191,6 +193,9 @@ impl<'a> Graph<'a> {
                             merge_tables(old, value, &|id, old, new| self.merge_stages(slot, id, old, new))
                         }
                         None if key.get_ref() == "dataset" => merge_tables(old, value, &|_, _, new| new),
+                        None if key.get_ref() == MIXTURE => {
+                            merge_tables(old, value, &|_, old, new| self.merge_components(old, new))
+                        }
                         None => value,
                     }
                 }
@@ -198,6 +203,17 @@ impl<'a> Graph<'a> {
             base.insert(key, merged);
         }
         base
+    }
+
+    /// Merges the tables of a component of a mixture, which have the sections of a recipe.
+    fn merge_components(&self, old: RecipeValue<'a>, new: RecipeValue<'a>) -> RecipeValue<'a> {
+        let span = new.span();
+        match (old.into_inner(), new.into_inner()) {
+            (DeValue::Table(old), DeValue::Table(new)) => {
+                Spanned::new(span, DeValue::Table(self.merge_trees(old, new)))
+            }
+            (_, new) => Spanned::new(span, new),
+        }
     }
 
     /// Merges two stage tables. If the kind changes, the new table inherits only options that the new kind also has.

@@ -12,7 +12,7 @@
 //!
 //! [`editor_schema`](crate::editor_schema) brings this schema into the form that editors read.
 
-use crate::tables::alternatives::{MAX_WEIGHT, ONE_OF, has_alternatives};
+use crate::tables::alternatives::{MAX_WEIGHT, MIXTURE, OF_MIXTURE, ONE_OF, WEIGHT, has_alternatives};
 use crate::tables::conditions::ViewOptions;
 use crate::tables::dataset::{DatasetTable, LockTable};
 use crate::tables::pool::PoolOptions;
@@ -190,6 +190,16 @@ pub fn schema(registry: &Registry) -> Json {
             "type": "object", "additionalProperties": true
         }),
     );
+    definitions.insert(COMPONENT.into(), component_schema(&properties));
+    properties.insert(
+        MIXTURE.into(),
+        json!({
+            "description": "Recipes whose scenes make one dataset: each scene is made by one of these components, drawn by weight. \
+                            The recipe itself has `[dataset]` and the writers.",
+            "type": "object",
+            "additionalProperties": { "$ref": format!("#/definitions/{COMPONENT}") }
+        }),
+    );
     properties.insert(
         "lock".into(),
         described(&schemas.lock, "Versions and digests that a resolved recipe was made with; written by the program."),
@@ -201,10 +211,28 @@ pub fn schema(registry: &Registry) -> Json {
         "type": "object",
         "additionalProperties": false,
         "properties": properties,
-        "if": { "required": ["extends"], "additionalProperties": true },
+        "if": open(json!({ "anyOf": [open(json!({ "required": ["extends"] })), open(json!({ "required": [MIXTURE] }))] })),
         "then": { "additionalProperties": true },
         "else": whole(registry, &schemas),
         "definitions": definitions
+    })
+}
+
+/// A component of a mixture, given the sections of a recipe.
+fn component_schema(sections: &Map<String, Json>) -> Json {
+    let mut properties = Map::new();
+    properties.insert(
+        WEIGHT.into(),
+        json!({
+            "description": "Weight of the component: a scene is made by it in proportion to it.",
+            "type": "number", "minimum": 0, "maximum": MAX_WEIGHT, "default": 1
+        }),
+    );
+    let own = sections.iter().filter(|(name, _)| !OF_MIXTURE.contains(&name.as_str()));
+    properties.extend(own.map(|(name, section)| (name.clone(), section.clone())));
+    json!({
+        "description": "A recipe without `[dataset]` and writers, most often by `extends`.",
+        "type": "object", "additionalProperties": false, "properties": properties
     })
 }
 
@@ -226,6 +254,9 @@ fn without_required(mut schema: Json) -> Json {
     }
     schema
 }
+
+/// Name of the definition of a component of a mixture.
+const COMPONENT: &str = "component";
 
 /// The closed definition of one kind, with `kind` and `id`.
 fn definition(entry: &Entry, options: &Json) -> Json {
@@ -297,7 +328,7 @@ fn add_alternatives(registry: &Registry, schemas: &Schemas, slot: Slot, definiti
         if let Some(properties) = object_at(&mut alternative, "properties") {
             properties.shift_remove("id");
             properties.insert(
-                "weight".into(),
+                WEIGHT.into(),
                 json!({
                     "description": "Weight of the alternative: it is drawn in proportion to it.",
                     "type": "number", "minimum": 0, "maximum": MAX_WEIGHT, "default": 1

@@ -7,6 +7,7 @@ pub(crate) mod conditions;
 pub(crate) mod dataset;
 pub(crate) mod ids;
 pub(crate) mod loader;
+pub(crate) mod mixture;
 pub(crate) mod noise;
 pub(crate) mod numbering;
 pub(crate) mod old_names;

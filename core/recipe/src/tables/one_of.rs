@@ -1,6 +1,6 @@
 //! Alternatives of a stage: tables under `one_of`, each with the kind and the options of a stage of the slot, and a weight.
 
-use crate::tables::alternatives::{MAX_WEIGHT, ONE_OF};
+use crate::tables::alternatives::{MAX_WEIGHT, ONE_OF, WEIGHT};
 use crate::tables::check;
 use crate::tables::loader::Loader;
 use crate::tables::references::PoolNames;
@@ -63,7 +63,7 @@ impl<'r> Loader<'_, 'r> {
                 diagnostics.push(diagnostic.label(format!("this is {found}")));
                 continue;
             };
-            weights.extend(table.remove("weight").map_or(Some(1.0), |weight| weight_of(&weight, diagnostics)));
+            weights.extend(table.remove(WEIGHT).map_or(Some(1.0), |weight| weight_of(&weight, diagnostics)));
             let (slot, id) = (given.slot, format!("{}.{ONE_OF}[{index}]", given.id));
             self.stage(
                 StageTable { slot, id, id_span: None, header, table, is_alternative: true },
@@ -92,8 +92,8 @@ impl<'r> Loader<'_, 'r> {
     }
 }
 
-/// The weight of an alternative.
-fn weight_of(weight: &RecipeValue, diagnostics: &mut Vec<DiagnosticBuilder>) -> Option<f64> {
+/// The weight of an alternative or a component.
+pub(crate) fn weight_of(weight: &RecipeValue, diagnostics: &mut Vec<DiagnosticBuilder>) -> Option<f64> {
     let number = f64::deserialize(ValueDeserializer::from(weight.clone())).ok();
     let number = number.filter(|number| (0.0..=MAX_WEIGHT).contains(number));
     if number.is_none() {
@@ -121,7 +121,7 @@ fn joined<'r>(given: StageTable, alternatives: Vec<(f64, BuiltStage<'r>)>) -> Op
     let entry = alternatives.first()?.1.entry;
     let table = |(weight, stage): &(f64, BuiltStage)| {
         let mut table = toml::Table::new();
-        table.insert("weight".to_owned(), (*weight).into());
+        table.insert(WEIGHT.to_owned(), (*weight).into());
         table.insert("kind".to_owned(), stage.entry.kind.into());
         table.extend(stage.options.clone());
         toml::Value::Table(table)

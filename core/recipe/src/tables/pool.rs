@@ -22,6 +22,8 @@ use syntable_toml_schema::{DisplayPath, Step};
 pub struct Pool {
     /// The kind of its source.
     pub kind: String,
+    /// Its table in the recipe: `assets.objects`, or `mixture.tables.assets.objects`.
+    pub table: String,
     /// Lists and loads assets.
     pub source: Box<dyn AssetSource>,
     /// Selects and transforms them.

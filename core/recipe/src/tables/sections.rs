@@ -2,6 +2,7 @@
 
 use crate::merge::renamed::RenamedNames;
 use crate::schema::kinds::Schemas;
+use crate::tables::alternatives::MIXTURE;
 use crate::tables::check;
 use crate::tables::dataset::{DatasetTable, LockTable};
 use crate::tables::stages::Built;
@@ -17,7 +18,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 /// Keys of a recipe that are not slots.
-const OTHERS: [&str; 5] = ["dataset", "extends", "remove", "set", "lock"];
+const OTHERS: [&str; 6] = ["dataset", "extends", "remove", "set", "lock", MIXTURE];
 
 /// Refuses sections that no recipe has.
 pub(crate) fn unknown(tree: &DeTable, schemas: &Schemas, diagnostics: &mut Vec<DiagnosticBuilder>) {
@@ -158,8 +159,31 @@ pub(crate) fn lock_mismatches(lock: &LockTable, span: &Span, registry: &Registry
     diagnostics
 }
 
-/// The number of views: from `[dataset]`, or from the list of views.
+/// The number of views: from `[dataset]`, or from the lists of views of all components.
 pub(crate) fn views_per_scene(
+    spans: &DatasetSpans,
+    dataset: &DatasetTable,
+    components: &[(&str, &Built)],
+    diagnostics: &mut Vec<DiagnosticBuilder>,
+) -> Option<u32> {
+    let mut numbers = Vec::new();
+    for (id, built) in components {
+        let before = diagnostics.len();
+        let number = views_of_component(spans, dataset, built, diagnostics);
+        diagnostics[before..].iter_mut().for_each(|diagnostic| diagnostic.name_component(id));
+        numbers.push(number?);
+    }
+    let first = *numbers.first()?;
+    if let Some(other) = numbers.into_iter().find(|other| *other != first) {
+        let message = format!("the components of the mixture list {first} and {other} views");
+        let diagnostic = DiagnosticBuilder::error(Code::MissingKey, spans.header.clone(), message);
+        diagnostics.push(diagnostic.label("add `views_per_scene = …`, for all components"));
+        return None;
+    }
+    Some(first)
+}
+
+fn views_of_component(
     spans: &DatasetSpans,
     dataset: &DatasetTable,
     built: &Built,

@@ -14,10 +14,10 @@ use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
 
 /// Maximum number of characters of an id, which is a part of file names.
-const LONGEST_ID: usize = 100;
+pub(crate) const LONGEST_ID: usize = 100;
 
 /// Whether a stage can have this id.
-fn is_id(id: &str) -> bool {
+pub(crate) fn is_id(id: &str) -> bool {
     is_bare(id) && id.len() <= LONGEST_ID
 }
 

@@ -89,7 +89,7 @@ impl Diagnostic {
 }
 
 /// A diagnostic under construction, with spans in the shared space.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct DiagnosticBuilder {
     pub code: Code,
     pub severity: Severity,
@@ -126,6 +126,13 @@ impl DiagnosticBuilder {
     pub fn help(mut self, message: impl Into<String>) -> Self {
         self.help.push(message.into());
         self
+    }
+
+    /// Names the component of a mixture that it is about. A recipe that is no mixture has a component without a name.
+    pub fn name_component(&mut self, id: &str) {
+        if !id.is_empty() {
+            self.help.push(format!("found in the component `{id}` of the mixture"));
+        }
     }
 
     /// Adds the change of the marked text that removes the mistake.

@@ -18,7 +18,7 @@ pub struct Fix {
 }
 
 /// A change of the text that a diagnostic marks.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Change {
     /// Replaces a word in the marked text. Quotes around it stay, unless the new word is a path of keys.
     Word { old: String, new: String },

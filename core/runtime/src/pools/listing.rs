@@ -75,9 +75,13 @@ impl AssetStore<'_> {
     fn chances(&self) -> BTreeMap<String, Vec<Chance>> {
         let size = |pool: &str| self.pools.get(pool).map_or(0, |pool| pool.selection.entries.len());
         let mut chances: BTreeMap<String, Vec<Chance>> = BTreeMap::new();
-        for draw in self.draws {
-            for (pool, probability) in draw.pools.probabilities(size) {
-                chances.entry(pool).or_default().push(Chance { option: draw.option.clone(), probability });
+        for component in &self.components {
+            let name = |pool: &str| component.pools.get(pool).map_or_else(|| pool.to_owned(), String::clone);
+            for draw in &component.draws {
+                for (pool, probability) in draw.pools.probabilities(|pool| size(&name(pool))) {
+                    let option = component.table(&draw.option);
+                    chances.entry(name(&pool)).or_default().push(Chance { option, probability });
+                }
             }
         }
         chances

@@ -26,7 +26,7 @@ use syntable_model::context::{Assets, Collected, Log, Steps};
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{Asset, AssetRef, CatalogEntry, Object};
 use syntable_prepare::{AssetCache, RayMesh};
-use syntable_recipe::{CatalogNames, Draw, OnBadAsset, PartSizes, Recipe};
+use syntable_recipe::{CatalogNames, Component, OnBadAsset, PartSizes, Recipe};
 
 /// Mark in a lock and a journal, instead of a digest, for an asset that was drawn but skipped as unusable.
 pub const BAD: &str = "bad";
@@ -34,8 +34,8 @@ pub const BAD: &str = "bad";
 /// All pools of a recipe, with the assets loaded from them.
 pub struct AssetStore<'a> {
     pools: BTreeMap<&'a str, OpenPool<'a>>,
-    /// Options of the recipe that draw from pools.
-    draws: &'a [Draw],
+    /// Components of the recipe, whose options draw from pools.
+    components: Vec<&'a Component>,
     /// Digests of assets that the dataset or the recipe depends on, or [`BAD`].
     locked: BTreeMap<String, String>,
     on_bad_asset: OnBadAsset,
@@ -54,7 +54,7 @@ impl<'a> AssetStore<'a> {
     fn new(pools: BTreeMap<&'a str, OpenPool<'a>>, on_bad_asset: OnBadAsset, log: &'a dyn Log) -> Self {
         Self {
             pools,
-            draws: &[],
+            components: Vec::new(),
             locked: BTreeMap::new(),
             on_bad_asset,
             log,
@@ -69,19 +69,19 @@ impl<'a> AssetStore<'a> {
     pub fn open(recipe: &'a Recipe, log: &'a dyn Log) -> Result<Self> {
         let mut pools = open(&recipe.assets, log)?;
         let own = recipe.own_objects();
-        number_places(&mut pools, &recipe.labeled_pools, &own)?;
+        let labeled = recipe.labeled_pools();
+        number_places(&mut pools, &labeled, &own)?;
         if recipe.write.iter().any(|(_, writer)| writer.needs_obj_ids()) {
-            numbers_differ(&pools, &recipe.labeled_pools, &own)?;
-            for (id, _) in
-                pools.iter().filter(|(id, pool)| recipe.labeled_pools.contains(**id) && pool.resizes_numbered)
-            {
+            numbers_differ(&pools, &labeled, &own)?;
+            for (_, pool) in pools.iter().filter(|(id, pool)| labeled.contains(**id) && pool.resizes_numbered) {
                 let message = "objects keep the numbers of their files at another size: models and poses differ from the benchmark";
                 let help = "leave out `scale` and `units`, or give the pool other numbers with `first_id`";
-                log.warn(&Error::new(message).help(help).context(format!("assets.{id}")));
+                log.warn(&Error::new(message).help(help).context(pool.table));
             }
         }
         let store = Self::new(pools, recipe.dataset.on_bad_asset, log);
-        Ok(Self { draws: &recipe.draws, locked: recipe.lock.assets.clone(), ..store })
+        let components = recipe.components.all().collect();
+        Ok(Self { components, locked: recipe.lock.assets.clone(), ..store })
     }
 
     /// The same store with these assets, which were loaded earlier from the same pools.
@@ -212,6 +212,8 @@ impl Assets for AssetStore<'_> {
 /// loaded.
 pub struct RecordingAssets<'a> {
     store: &'a AssetStore<'a>,
+    /// Names of the pools of the scene's component in the recipe.
+    pools: &'a BTreeMap<String, String>,
     digests: Mutex<BTreeMap<String, String>>,
     steps: Steps,
     /// Number of assets that the present stage has loaded, and the number that it has announced.
@@ -219,9 +221,9 @@ pub struct RecordingAssets<'a> {
 }
 
 impl<'a> RecordingAssets<'a> {
-    /// Starts without drawn assets.
-    pub fn new(store: &'a AssetStore<'a>) -> Self {
-        Self { store, digests: Mutex::default(), steps: Steps::default(), progress: Mutex::default() }
+    /// Starts without drawn assets. `pools` has the names of pools in the recipe by their names in options.
+    pub fn new(store: &'a AssetStore<'a>, pools: &'a BTreeMap<String, String>) -> Self {
+        Self { store, pools, digests: Mutex::default(), steps: Steps::default(), progress: Mutex::default() }
     }
 
     /// Runs a stage that may load assets, and shows their names to a user who waits.
@@ -249,7 +251,11 @@ impl<'a> RecordingAssets<'a> {
 
 impl Assets for RecordingAssets<'_> {
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
-        self.store.entries(pool)
+        self.store.entries(self.pool_name(pool))
+    }
+
+    fn pool_name<'p>(&'p self, pool: &'p str) -> &'p str {
+        self.pools.get(pool).map_or(pool, String::as_str)
     }
 
     fn get(&self, asset: &AssetRef) -> Result<Asset> {

@@ -19,11 +19,11 @@ pub(super) fn number_places(
     let mut last = stated.chain(own.iter().filter_map(|(_, entry)| entry.obj_id)).max().unwrap_or_default();
     for described in [true, false] {
         let those = pools.iter_mut().filter(|(id, _)| labeled.contains(**id) == described);
-        for (id, pool) in those.filter(|(_, pool)| is(pool, Numbering::Places)) {
+        for (_, pool) in those.filter(|(_, pool)| is(pool, Numbering::Places)) {
             let Some(beyond) = last.checked_add(pool.last_obj_id) else {
                 return Err(Error::new(format!("objects behind number {last} go beyond {}", u32::MAX))
                     .help("state smaller numbers with `ids` or `first_id`")
-                    .context(format!("assets.{id}")));
+                    .context(pool.table));
             };
             let Selection { entries, other_parts } = &mut pool.selection;
             let all = entries.iter_mut().chain(other_parts.iter_mut().map(|(entry, _)| entry));
@@ -42,9 +42,9 @@ pub(super) fn numbers_differ(
     own: &[(&str, CatalogEntry)],
 ) -> Result<()> {
     let described = || pools.iter().filter(|(id, _)| labeled.contains(**id));
-    for (id, pool) in described() {
+    for (_, pool) in described() {
         let numbered = pool.options.all_numbered(&pool.selection.entries);
-        numbered.map_err(|error| error.context(format!("assets.{id}")).of_request())?;
+        numbered.map_err(|error| error.context(pool.table).of_request())?;
     }
     let objects = described().flat_map(|(id, pool)| pool.selection.entries.iter().map(move |entry| (*id, entry)));
     let mut seen: BTreeMap<u32, (&str, &str)> = BTreeMap::new();
@@ -52,6 +52,7 @@ pub(super) fn numbers_differ(
         let Some(obj_id) = entry.obj_id else { continue };
         let Some((other, name)) = seen.insert(obj_id, (id, &entry.name)) else { continue };
         let message = format!("`{other}/{name}` and `{id}/{}` have the same `obj_id` {obj_id}", entry.name);
+        let table = pools[id].table;
         let last = pools.values().map(|pool| pool.last_obj_id).max().unwrap_or_default();
         let help = match other == id {
             true => format!(
@@ -60,11 +61,11 @@ pub(super) fn numbers_differ(
                 entry.name
             ),
             false => format!(
-                "give one of the pools other numbers, such as `first_id = {}` in [assets.{id}], or give its objects `ids`",
+                "give one of the pools other numbers, such as `first_id = {}` in [{table}], or give its objects `ids`",
                 u64::from(last) + 1
             ),
         };
-        return Err(Error::new(message).help(help).context(format!("assets.{id}")));
+        return Err(Error::new(message).help(help).context(table));
     }
     for (step, entry) in own {
         let of_step =

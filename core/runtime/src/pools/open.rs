@@ -20,9 +20,9 @@ pub(crate) fn open<'a>(
     let mut pools = BTreeMap::new();
     let mut errors = Vec::new();
     for (id, pool) in assets {
-        match OpenPool::open(id, pool, log) {
+        match OpenPool::open(pool, log) {
             Ok(pool) => drop(pools.insert(id.as_str(), pool)),
-            Err(error) => errors.push(error.context(format!("assets.{id}"))),
+            Err(error) => errors.push(error.context(&pool.table)),
         }
     }
     if let Some(failed) = errors.iter().position(Error::is_transient) {
@@ -51,9 +51,10 @@ struct Numbered {
 }
 
 impl<'a> OpenPool<'a> {
-    /// Opens the pool `id`.
-    fn open(id: &str, pool: &'a syntable_recipe::Pool, log: &dyn Log) -> Result<Self> {
-        let (source, options, of_pool) = (&*pool.source, &pool.options, OfPool { id, log });
+    /// Opens a pool.
+    fn open(pool: &'a syntable_recipe::Pool, log: &dyn Log) -> Result<Self> {
+        let syntable_recipe::Pool { source, options, table, .. } = pool;
+        let (source, of_pool) = (&**source, OfPool { table, log });
         let catalog = catalog_of(source, log)?;
         let found = catalog.len();
         let properties = options.properties(&catalog, &of_pool)?;
@@ -65,8 +66,8 @@ impl<'a> OpenPool<'a> {
             let hint = if found == 0 { "check its root folder" } else { "check include, exclude and split" };
             return Err(Error::new(format!("no assets: {found} found, none selected")).help(hint));
         }
-        warn_of_classes(&selection, options, id, log);
-        Ok(Self { source, options, selection, numbering, last_obj_id, resizes_numbered, properties })
+        warn_of_classes(&selection, options, table, log);
+        Ok(Self { table, source, options, selection, numbering, last_obj_id, resizes_numbered, properties })
     }
 }
 
@@ -104,12 +105,12 @@ fn select(entries: Vec<CatalogEntry>, options: &PoolOptions, log: &dyn Log) -> R
 }
 
 /// Warns if no asset of a pool has any of the configured classes.
-fn warn_of_classes(selection: &Selection, options: &PoolOptions, id: &str, log: &dyn Log) {
+fn warn_of_classes(selection: &Selection, options: &PoolOptions, table: &str, log: &dyn Log) {
     let is_of_class = |entry: &CatalogEntry| options.classes.contains_key(&entry.category);
     if options.classes.is_empty() || selection.entries.iter().any(is_of_class) {
         return;
     }
-    let message = format!("assets.{id}: no asset is of one of the classes");
+    let message = format!("{table}: no asset is of one of the classes");
     log.warn(&Error::new(message).help("patterns match whole names: `*mug*` matches all that contain `mug`"));
 }
 
@@ -143,14 +144,14 @@ pub(super) fn patiently<T>(log: &dyn Log, call: impl Fn(&dyn Log) -> Result<T>) 
     }
 }
 
-/// A log that adds the name of the pool to warnings.
+/// A log that adds the table of the pool to warnings.
 struct OfPool<'a> {
-    id: &'a str,
+    table: &'a str,
     log: &'a dyn Log,
 }
 
 impl Log for OfPool<'_> {
     fn warn(&self, warning: &Error) {
-        self.log.warn(&warning.clone().context(format!("assets.{}", self.id)));
+        self.log.warn(&warning.clone().context(self.table));
     }
 }

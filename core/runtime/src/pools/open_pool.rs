@@ -6,6 +6,8 @@ use syntable_recipe::{Numbering, ObjectProperties, PoolOptions, Selection};
 
 /// An open pool.
 pub(crate) struct OpenPool<'a> {
+    /// Its table in the recipe.
+    pub table: &'a str,
     pub source: &'a dyn AssetSource,
     pub options: &'a PoolOptions,
     pub selection: Selection,

@@ -41,7 +41,8 @@ fn glass(attenuation_distance_m: f32) -> Arc<Material> {
 fn pool<'a>(source: &'a dyn AssetSource, options: &'a PoolOptions) -> OpenPool<'a> {
     let numbering = Some(Numbering::Places);
     let (selection, properties) = (Selection::default(), BTreeMap::new());
-    OpenPool { source, options, selection, numbering, last_obj_id: 0, resizes_numbered: false, properties }
+    let table = "assets.p";
+    OpenPool { table, source, options, selection, numbering, last_obj_id: 0, resizes_numbered: false, properties }
 }
 
 /// An open pool with some of the objects of a source.
@@ -83,8 +84,8 @@ fn numbers_depend_on_what_pools_hold_and_not_on_what_is_taken() {
     assert_eq!((ids(&pools, "objects"), ids(&pools, "shoes")), (vec![41, 42, 43, 44], vec![3, 2, 5]));
     numbers_differ(&pools, &labeled, &[]).expect("all differ");
     // Stated numbers stay, and the error for a clash names both objects.
-    let mut pools =
-        BTreeMap::from([("objects", numbered(&all, &names, &stated)), ("shoes", numbered(&all, &names, &stated))]);
+    let shoes = OpenPool { table: "assets.shoes", ..numbered(&all, &names, &stated) };
+    let mut pools = BTreeMap::from([("objects", numbered(&all, &names, &stated)), ("shoes", shoes)]);
     number_places(&mut pools, &labeled, &[]).expect("few");
     let error = numbers_differ(&pools, &labeled, &[]).expect_err("equal");
     assert!(error.to_string().contains("`objects/a` and `shoes/a` have the same `obj_id` 3"), "{error}");
@@ -341,7 +342,8 @@ impl Log for Sampled {
 fn an_asset_is_named_with_its_number_while_it_is_loaded() {
     let (source, options, log) = (Long::default(), PoolOptions::default(), Sampled::default());
     let store = AssetStore::new(BTreeMap::from([("p", pool(&source, &options))]), OnBadAsset::Skip, &log);
-    let assets = RecordingAssets::new(&store);
+    let names = BTreeMap::new();
+    let assets = RecordingAssets::new(&store, &names);
     let get = |name: &str| drop(assets.get(&AssetRef { pool: "p".into(), name: name.into() }));
     assets.during(&log, || get("desk"));
     assets.during(&log, || {

@@ -166,7 +166,7 @@ fn take_strays(
     let mut waiting = 0;
     for entry in made {
         let files = folder.manifest_of(entry)?;
-        let kept = work_list::kept(&files, entry, &recipe.plan);
+        let kept = work_list::kept(&files, entry, &recipe.component_of(entry.scene).1.plan);
         let has = |id: &str| recipe.write.iter().any(|(other, _)| other == id);
         let waits = |id: &String| has(id) && !kept.writers.contains_key(id) && !wanted.contains(&entry.scene);
         waiting += u32::from(files.writers.keys().any(waits));
@@ -195,7 +195,8 @@ pub fn annotate_and_finish(
     made: &[JournalEntry],
     staged: &StoreFolder,
 ) -> Ended {
-    let recorded = records::names(&recipe.plan);
+    // Components agree on the annotators of the dataset.
+    let recorded = records::names(&recipe.components.first().plan);
     let scenes = |has: &dyn Fn(&JournalEntry) -> bool| -> Vec<SceneId> {
         made.iter().filter(|entry| has(entry)).map(|entry| SceneId(entry.scene)).collect()
     };
@@ -227,7 +228,7 @@ fn annotate_dataset(
     done: &[SceneId],
 ) -> (Products, Vec<(String, Error)>) {
     let (mut products, mut failed) = (Products::new(), Vec::<(String, Error)>::new());
-    for stage in &recipe.plan.per_dataset {
+    for stage in &recipe.components.first().plan.per_dataset {
         let Producer::Dataset(annotator) = &*stage.producer else { unreachable!("the plan sorts producers by scope") };
         let mut scenes = done.iter().map(|&scene| Records::read(folder.files(), scene));
         let lacks = stage.reads.iter().find_map(|key| failed.iter().find(|(name, _)| key.is(name)));

@@ -150,7 +150,7 @@ pub fn forecast(recipe: &Recipe, options: &ForecastOptions, reporter: &dyn Repor
     let lanes = Lanes {
         scenes: all,
         cores: options.threads.min(workers::available()).max(1),
-        sessions: recipe.render.max_sessions(),
+        sessions: recipe.components.all().filter_map(|component| component.render.max_sessions()).min(),
         in_flight: sessions::scenes_in_flight(recipe, options.threads, all as usize),
     };
     let forecast = Forecast::of(&ticks, lanes);

@@ -176,7 +176,9 @@ fn same_recipe(one: &MergePart, other: &MergePart) -> Result<()> {
         differences if differences.is_empty() => Ok(()),
         differences => {
             let folders = [one, other].map(|part| part.folder.name().display().to_string()).join(" and ");
-            refused(format!("{folders} have different recipes:{}\n ", growth::listing(&differences)))
+            let message = format!("{folders} have different recipes:{}\n ", growth::listing(&differences));
+            Err(Error::new(message)
+                .help("make all parts from one recipe; a recipe with [mixture] makes one dataset of several recipes"))
         }
     }
 }

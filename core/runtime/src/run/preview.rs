@@ -6,7 +6,7 @@
 //! equal.
 
 use crate::cache::DiskCache;
-use crate::pools::{AssetStore, Loaded, RecordingAssets};
+use crate::pools::{AssetStore, Loaded};
 use crate::run::dataset::loss::Loss;
 use crate::run::decisions::inputs;
 use crate::run::making::attempt::{Attempt, PosedSession, Tools};
@@ -19,7 +19,6 @@ use crate::run::panics;
 use crate::run::progress::{Event, Reporter, Warnings};
 use crate::run::stop::Stop;
 use crate::workers::{Pool, Stoppable};
-use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -28,10 +27,10 @@ use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{Products, ViewMoment};
 use syntable_model::registry::Slot;
-use syntable_model::scene::{Intrinsics, Scene, SceneId, View, ViewId};
+use syntable_model::scene::{Intrinsics, Scene, View, ViewId};
 use syntable_model::stage::{DatasetInfo, RenderSession};
 use syntable_recipe::plan::Plan;
-use syntable_recipe::{CatalogLock, Parts, Recipe};
+use syntable_recipe::{CatalogLock, CatalogNames, Component, Parts, Recipe};
 
 /// Slots that determine a scene at rest.
 const OF_SCENE: [Slot; 3] = [Slot::Assets, Slot::Place, Slot::Settle];
@@ -94,11 +93,12 @@ impl Previewer {
     pub fn set(&mut self, mut recipe: Recipe) -> Result<()> {
         let parts = Parts::of(&recipe)?;
         if let Some((earlier, before)) = self.current.take() {
+            let tables: BTreeMap<String, String> =
+                earlier.assets.iter().map(|(name, pool)| (name.clone(), pool.table.clone())).collect();
             recipe.keep_stages(earlier, |part| parts.agree(&before, part));
-            self.loaded.keep(|pool| parts.agree(&before, &format!("{}.{pool}", Slot::Assets)));
+            let same = |pool: &str| recipe.assets.get(pool).is_some_and(|pool| parts.agree(&before, &pool.table));
+            self.loaded.keep(|pool| tables.get(pool) == recipe.assets.get(pool).map(|pool| &pool.table) && same(pool));
         }
-        let render = parts.get(Slot::Render.name());
-        self.session = self.session.take().filter(|session| session.render == render);
         self.current = Some((recipe, parts));
         Ok(())
     }
@@ -120,24 +120,12 @@ impl Previewer {
         }
         let assets = AssetStore::open(recipe, log)?.with(Arc::clone(&self.loaded));
         let catalogs = assets.catalogs();
-        let hasher =
-            Hasher::new("scenes of a preview").text(&recipe.dataset.seed.to_string()).text(&recipe.dataset.name);
-        let hasher = catalogs.iter().fold(parts.hash(hasher, &OF_SCENE), |hasher, (pool, names)| {
-            hasher.text(pool).text(&CatalogLock::of(names).digest)
-        });
-        let scene_key = hasher.finish();
-        let hasher = Hasher::new("image of a preview").digest(scene_key).number(f64::from(wanted.width));
-        let hasher = wanted.products.iter().fold(hasher, |hasher, product| hasher.text(product));
-        let image_key = parts.hash(hasher, &OF_IMAGE).finish();
-        let plan = recipe.plan.part(wanted.products.iter().map(String::as_str), false).on(&*recipe.render);
+        let work = |component| PassWork::of(recipe, component, (parts, wanted), &catalogs);
         let source = PassSource {
             recipe,
             assets,
-            plan,
-            info: recipe.dataset_info(),
+            components: recipe.components.all().map(work).collect(),
             width: wanted.width,
-            render: parts.get(Slot::Render.name()),
-            keys: (scene_key, image_key),
             workers: Stoppable { workers: &self.pool, stop },
             cache: &self.cache,
             times: Times::default(),
@@ -161,12 +149,9 @@ pub struct Pass<'p> {
 struct PassSource<'p> {
     recipe: &'p Recipe,
     assets: AssetStore<'p>,
-    plan: Plan,
-    info: DatasetInfo,
+    /// The work on the scenes of each component.
+    components: Vec<PassWork>,
     width: u32,
-    render: Option<Digest>,
-    /// Digests of everything that determines scenes and images, except their numbers.
-    keys: (Digest, Digest),
     workers: Stoppable<'p>,
     cache: &'p DiskCache,
     times: Times,
@@ -175,10 +160,41 @@ struct PassSource<'p> {
     stop: &'p Stop,
 }
 
+/// The work on the scenes of a component.
+struct PassWork {
+    plan: Plan,
+    info: DatasetInfo,
+    render: Option<Digest>,
+    /// Digests of everything that determines scenes and images, except their numbers.
+    keys: (Digest, Digest),
+}
+
+impl PassWork {
+    fn of(
+        recipe: &Recipe,
+        component: &Component,
+        (parts, wanted): (&Parts, &Wanted),
+        catalogs: &BTreeMap<String, CatalogNames>,
+    ) -> Self {
+        let hasher =
+            Hasher::new("scenes of a preview").text(&recipe.dataset.seed.to_string()).text(&recipe.dataset.name);
+        let hasher = catalogs.iter().fold(parts.hash(hasher, component, &OF_SCENE), |hasher, (pool, names)| {
+            hasher.text(pool).text(&CatalogLock::of(names).digest)
+        });
+        let scene_key = hasher.finish();
+        let hasher = Hasher::new("image of a preview").digest(scene_key).number(f64::from(wanted.width));
+        let hasher = wanted.products.iter().fold(hasher, |hasher, product| hasher.text(product));
+        let image_key = parts.hash(hasher, component, &OF_IMAGE).finish();
+        let plan = component.plan.part(wanted.products.iter().map(String::as_str), false).on(&*component.render);
+        let render = parts.get(&component.table(Slot::Render.name()));
+        Self { plan, info: recipe.info_of(component), render, keys: (scene_key, image_key) }
+    }
+}
+
 impl Pass<'_> {
     /// Digest of everything that determines a view of a scene. Equal keys have equal products.
     pub fn key(&self, scene: u32, view: u32) -> Digest {
-        let numbers = Hasher::new("view of a preview").digest(self.source.keys.1);
+        let numbers = Hasher::new("view of a preview").digest(self.source.work(scene).keys.1);
         numbers.number(f64::from(scene)).number(f64::from(view)).finish()
     }
 
@@ -221,6 +237,11 @@ impl Pass<'_> {
 }
 
 impl PassSource<'_> {
+    /// The work on a scene.
+    fn work(&self, scene: u32) -> &PassWork {
+        &self.components[self.recipe.component_of(scene).0]
+    }
+
     fn tools(&self) -> Tools<'_> {
         Tools {
             recipe: self.recipe,
@@ -242,28 +263,27 @@ impl PassSource<'_> {
         composed: &mut BTreeMap<u32, Composed>,
         each: &mut dyn FnMut(u32, &Products, Duration),
     ) -> Result<Vec<Loss>> {
-        let (tools, recorded) = (self.tools(), RecordingAssets::new(&self.assets));
-        let (dataset, draws) = (&self.info, Mutex::default());
-        let attempt = Attempt { tools, dataset, scene: SceneId(scene), number, assets: recorded, draws };
-        let frozen = compose(composed, self.keys.0, &attempt, self.reporter)?;
-        let of_dataset = DatasetContext::new(&self.info, &self.workers, self.log).with_cache(self.cache);
+        let (tools, work) = (self.tools(), self.work(scene));
+        let attempt = Attempt::new(tools, &work.info, (scene, number));
+        let frozen = compose(composed, work.keys.0, &attempt, self.reporter)?;
+        let of_dataset = DatasetContext::new(&work.info, &self.workers, self.log).with_cache(self.cache);
         let (mut of_scene, losses) = (Products::new(), Losses::default());
-        for stage in &self.plan.before_views {
+        for stage in &work.plan.before_views {
             run_in_scene(&self.times, &losses, stage, &of_dataset.scene(&frozen), &[], &mut of_scene)?;
         }
-        let mut frames = Frames::new(&self.plan, &of_scene, (&self.times, &losses));
+        let mut frames = Frames::new(&work.plan, &of_scene, (&self.times, &losses));
         let count = self.recipe.dataset.views_per_scene;
-        let needs_next = self.plan.rendered.iter().any(|key| key.framing.moment() != ViewMoment::Own);
+        let needs_next = work.plan.rendered.iter().any(|key| key.framing.moment() != ViewMoment::Own);
         for &id in views {
             tools.running()?;
             let start = Instant::now();
             let sampled = |id: u32| attempt.view(&frozen, ViewId(id)).map(|view| smaller(view, self.width));
             let view = sampled(id)?;
-            let after = id + self.recipe.rig.cameras();
+            let after = id + attempt.component.rig.cameras();
             let next = (needs_next && after < count).then(|| sampled(after)).transpose()?;
             let shown = frozen.at(view.moment);
             let mut products = frames.products(&of_dataset.scene(&shown), view.moment)?;
-            if !self.plan.rendered.is_empty() {
+            if !work.plan.rendered.is_empty() {
                 let rendered = self.render(&attempt, &frozen, (&view, next.as_ref()), session, &mut products);
                 if let Err(error) = rendered {
                     // The next attempt or pass opens a session again.
@@ -272,8 +292,8 @@ impl PassSource<'_> {
                 }
             }
             let of_view = of_dataset.scene(&shown).view(&view).before(next.as_ref());
-            let sensing = attempt.sensing(&self.plan, view.id);
-            annotate(&self.times, &losses, &self.plan, &of_view, &sensing, &mut products)?;
+            let sensing = attempt.sensing(&work.plan, view.id);
+            annotate(&self.times, &losses, &work.plan, &of_view, &sensing, &mut products)?;
             stages::check(&self.recipe.checks, &products).map_err(|error| error.context(format!("view {id}")))?;
             each(id, &products, start.elapsed());
             self.reporter.event(&Event::Image { scene, view: id });
@@ -290,7 +310,8 @@ impl PassSource<'_> {
         session: &mut Option<PreviewSession>,
         products: &mut Products,
     ) -> Result<()> {
-        let session = opened(session, self.recipe, self.render)?;
+        let work = self.work(attempt.scene.0);
+        let session = opened(session, attempt.component, work.render)?;
         // The session keeps the scene alive, so no other scene can have its address.
         if !session.loaded.as_ref().is_some_and(|loaded| Arc::ptr_eq(loaded, frozen)) {
             session.loaded = None;
@@ -298,7 +319,7 @@ impl PassSource<'_> {
             session.loaded = Some(Arc::clone(frozen));
         }
         let mut posed = PosedSession::new(&mut *session.session, frozen);
-        let rendered = attempt.render_view(&self.plan, &mut posed, views, products);
+        let rendered = attempt.render_view(&work.plan, &mut posed, views, products);
         if posed.has_moved() {
             session.loaded = None;
         }
@@ -309,12 +330,15 @@ impl PassSource<'_> {
 /// The session of the renderer, opened if necessary.
 fn opened<'s>(
     session: &'s mut Option<PreviewSession>,
-    recipe: &Recipe,
+    component: &Component,
     render: Option<Digest>,
 ) -> Result<&'s mut PreviewSession> {
-    let opened = match session.take() {
+    let opened = match session.take().filter(|session| session.render == render) {
         Some(session) => session,
-        None => PreviewSession { render, session: panics::caught("render", || recipe.render.open(0))?, loaded: None },
+        None => {
+            let session = panics::caught("render", || component.render.open(0))?;
+            PreviewSession { render, session, loaded: None }
+        }
     };
     Ok(session.insert(opened))
 }

@@ -8,6 +8,7 @@ mod growth;
 #[cfg(unix)]
 mod hostile;
 mod kit;
+mod mixture;
 mod preview;
 mod stores;
 mod whole;
@@ -143,7 +144,8 @@ fn of_two_providers_the_stock_one_is_taken() {
     let load = |registry: &Registry| {
         let source = Source::embedded("test.toml", recipe);
         syntable_recipe::load(registry, source, &Overrides::of_process(Vec::new())).map(|(recipe, _)| {
-            let of = recipe.plan.entries.iter().find(|entry| entry.key.is("thought")).expect("planned");
+            let of =
+                recipe.components.first().plan.entries.iter().find(|entry| entry.key.is("thought")).expect("planned");
             of.provider.to_string()
         })
     };

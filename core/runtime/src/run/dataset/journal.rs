@@ -34,6 +34,9 @@ pub struct JournalEntry {
     /// Drawn alternatives of stages with `one_of`, by stage, from 0: one of a scene, or one of each view.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub choices: BTreeMap<String, Vec<u32>>,
+    /// The component of a mixture that made the scene; empty if the recipe is no mixture.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub component: String,
     /// Data that stages omitted from the scene's images, by stage.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<Loss>,
@@ -169,8 +172,8 @@ impl Notice {
 impl JournalEntry {
     /// The entry of a scene that had no anomaly, error or draw.
     pub fn new(scene: u32, attempt: u32, outcome: SceneOutcome) -> Self {
-        let (notices, odd_views, poses, choices, left_out, errors, assets) = Default::default();
-        Self { scene, attempt, outcome, notices, odd_views, poses, choices, left_out, errors, assets }
+        let (notices, odd_views, poses, choices, component, left_out, errors, assets) = Default::default();
+        Self { scene, attempt, outcome, notices, odd_views, poses, choices, component, left_out, errors, assets }
     }
 
     /// Whether all attempts failed.

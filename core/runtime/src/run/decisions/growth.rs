@@ -179,23 +179,32 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe, rewrite: bool) -> Resu
 /// Whether files can be written again after a change of this table: it is the table of a writer, or of an annotator
 /// that only writers may read.
 fn may_change(table: &str) -> bool {
+    let (_, table) = of_component(table);
     [Slot::Write, Slot::Annotate]
         .iter()
         .any(|slot| table.strip_prefix(slot.name()).is_some_and(|id| id.starts_with('.')))
 }
 
+/// Splits the key of a component of a mixture, such as `mixture.tables.sensor.rgb`, before the component's own key.
+fn of_component(key: &str) -> (&str, &str) {
+    let own = || key.strip_prefix("mixture.")?.split_once('.').map(|(_, own)| own);
+    let own = own().unwrap_or(key);
+    (&key[..key.len() - own.len()], own)
+}
+
 /// The table of a stage that has an id, such as `write.png`.
 fn keyed_table(key: &str) -> Option<&str> {
-    let mut dots = key.match_indices('.').map(|(at, _)| at);
-    let slot = &key[..dots.next()?];
-    let end = dots.next().unwrap_or(key.len());
+    let (component, own) = of_component(key);
+    let mut dots = own.match_indices('.').map(|(at, _)| at);
+    let slot = &own[..dots.next()?];
+    let end = dots.next().unwrap_or(own.len());
     let keyed = Slot::ALL.into_iter().any(|known| known.name() == slot && known.shape() == Shape::Keyed);
-    keyed.then(|| &key[..end])
+    keyed.then(|| &key[..component.len() + end])
 }
 
 /// The table of a stage that provides or writes products.
 fn table_of(key: &str) -> Option<&str> {
-    keyed_table(key).filter(|table| !table.starts_with(Slot::Assets.name()))
+    keyed_table(key).filter(|table| !of_component(table).1.starts_with(Slot::Assets.name()))
 }
 
 /// Whether a key is an option of a writer that only the end of a run reads.
@@ -214,10 +223,12 @@ fn disturbed(recipe: &Recipe, growth: &Growth, changed: &BTreeSet<String>) -> Ve
     let stays = |id: &String| !growth.writers.contains(id) && !growth.rewritten.contains(id);
     let by = |writer: &dyn Writer<Scenes>| {
         let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
-        let Plan { entries, .. } = recipe.plan.part(reads.iter().map(String::as_str), false);
-        entries.into_iter().find_map(|entry| match entry.provider {
-            Provider::Stage(stage) => changed.contains(&stage).then_some(stage),
-            Provider::Renderer => None,
+        recipe.components.all().find_map(|component| {
+            let Plan { entries, .. } = component.plan.part(reads.iter().map(String::as_str), false);
+            entries.into_iter().find_map(|entry| match entry.provider {
+                Provider::Stage(stage) => Some(component.table(&stage)).filter(|table| changed.contains(table)),
+                Provider::Renderer => None,
+            })
         })
     };
     let writers = recipe.write.iter().filter(|(id, _)| stays(id));
@@ -293,6 +304,10 @@ mod tests {
             ("assets.mugs.root", None),
             ("dataset.scenes", None),
             ("write", None),
+            ("mixture.a.annotate.masks.policy", Some("mixture.a.annotate.masks")),
+            ("mixture.a.assets.mugs.root", None),
+            ("mixture.a.views.radius", None),
+            ("mixture.write.weight", None),
         ] {
             assert_eq!(table_of(key), table, "{key}");
         }

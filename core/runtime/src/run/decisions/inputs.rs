@@ -5,26 +5,37 @@ use crate::run::dataset::foreign::read_list;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
-use syntable_model::stage::DeviceClass;
+use syntable_model::stage::{DeviceClass, RenderDevice};
 use syntable_model::store::StoreFolder;
 use syntable_model::words::some_names;
-use syntable_recipe::{CatalogAsset, CatalogLock, CatalogNames as Names, Lock, Recipe};
+use syntable_recipe::{CatalogAsset, CatalogLock, CatalogNames as Names, Component, Lock, Recipe};
+
+/// The devices of the renderers of the components that pass a test.
+pub fn devices_of(recipe: &Recipe, is_meant: impl Fn(&Component) -> bool) -> Result<Vec<RenderDevice>> {
+    let mut all: Vec<RenderDevice> = Vec::new();
+    for component in recipe.components.all().filter(|component| is_meant(component)) {
+        for device in component.render.devices()? {
+            if !all.iter().any(|other| other.name == device.name) {
+                all.push(device);
+            }
+        }
+    }
+    Ok(all)
+}
+
+fn renders(component: &Component) -> bool {
+    !component.plan.rendered.is_empty()
+}
 
 /// The devices that would render a recipe, if other devices may round differently.
 pub fn devices(recipe: &Recipe) -> Result<BTreeSet<String>> {
-    if recipe.plan.rendered.is_empty() {
-        return Ok(BTreeSet::new());
-    }
-    let devices = recipe.render.devices()?.into_iter();
+    let devices = devices_of(recipe, renders)?.into_iter();
     Ok(devices.filter(|device| device.class.rounds()).map(|device| device.name).collect())
 }
 
 /// A message if a program emulates the graphics card.
 pub fn emulated(recipe: &Recipe) -> Result<Option<String>> {
-    if recipe.plan.rendered.is_empty() {
-        return Ok(None);
-    }
-    let program = recipe.render.devices()?.into_iter().find(|device| device.class == DeviceClass::Emulated);
+    let program = devices_of(recipe, renders)?.into_iter().find(|device| device.class == DeviceClass::Emulated);
     Ok(program.map(|device| format!("no graphics card: {} emulates one, which is slower than `cpu_path`", device.name)))
 }
 

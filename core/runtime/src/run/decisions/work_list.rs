@@ -7,11 +7,13 @@ use crate::run::decisions::growth::Growth;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use syntable_model::stage::{DatasetInfo, Input, Scenes, Writer};
-use syntable_recipe::Recipe;
 use syntable_recipe::plan::Plan;
+use syntable_recipe::{Component, Recipe};
 
 /// Parts of a scene to make.
 pub struct Work<'a> {
+    /// The component of the recipe that makes the scene.
+    pub component: &'a Component,
     /// Information on the dataset, with the scene's number of views.
     pub dataset: DatasetInfo,
     /// Plan of the computation.
@@ -63,7 +65,7 @@ impl Todo {
         wanted: Range<u32>,
         damaged: BTreeSet<u32>,
     ) -> Self {
-        let recorded = records::names(&recipe.plan);
+        let recorded = records::names(&recipe.components.first().plan);
         let anew = growth.map(Growth::replaced).unwrap_or_default();
         let job = |scene: u32| {
             let Some(entry) = journal.entries().get(&scene) else { return Some(Job { present: None, lacks: None }) };
@@ -106,16 +108,18 @@ pub type Lacks = Option<(Vec<String>, bool)>;
 /// Plans for scenes: for whole scenes, and for missing parts. Scenes with the same work share one.
 pub struct Works<'a> {
     recipe: &'a Recipe,
-    works: BTreeMap<(u32, Lacks), Work<'a>>,
+    works: BTreeMap<(usize, u32, Lacks), Work<'a>>,
 }
 
 impl<'a> Works<'a> {
     pub fn new(recipe: &'a Recipe, todo: &Todo) -> Self {
         let mut all = Self { recipe, works: BTreeMap::new() };
-        for job in todo.scenes.values() {
+        for (&scene, job) in &todo.scenes {
+            let (index, component) = recipe.component_of(scene);
             for lacks in [None, job.lacks.clone()] {
                 let views = job.views(recipe);
-                all.works.entry((views, lacks.clone())).or_insert_with(|| work(recipe, views, lacks.as_ref()));
+                let made = || work(recipe, component, views, lacks.as_ref());
+                all.works.entry((index, views, lacks.clone())).or_insert_with(made);
             }
         }
         all
@@ -123,20 +127,22 @@ impl<'a> Works<'a> {
 
     /// The task of a scene.
     pub fn task<'t>(&'t self, scene: u32, job: &'t Job) -> Task<'t> {
-        let of = |lacks: &Lacks| &self.works[&(job.views(self.recipe), lacks.clone())];
+        let (component, _) = self.recipe.component_of(scene);
+        let of = |lacks: &Lacks| &self.works[&(component, job.views(self.recipe), lacks.clone())];
         let extend = job.present.as_ref().filter(|_| job.lacks.is_some()).map(|present| (present, of(&job.lacks)));
         let is_present = job.present.as_ref().is_some_and(|present| !present.failed());
         Task { scene, is_present, whole: of(&None), extend }
     }
 }
 
-fn work<'a>(recipe: &'a Recipe, views: u32, lacks: Option<&(Vec<String>, bool)>) -> Work<'a> {
-    let dataset = DatasetInfo { views_per_scene: views, ..recipe.dataset_info() };
+fn work<'a>(recipe: &'a Recipe, component: &'a Component, views: u32, lacks: Option<&(Vec<String>, bool)>) -> Work<'a> {
+    let dataset = DatasetInfo { views_per_scene: views, ..recipe.info_of(component) };
+    let Component { plan, render, .. } = component;
     let Some((lacks, records)) = lacks else {
-        return Work { dataset, plan: recipe.plan.clone().on(&*recipe.render), writers: recipe.write.iter().collect() };
+        return Work { component, dataset, plan: plan.clone().on(&**render), writers: recipe.write.iter().collect() };
     };
     let writers: Vec<_> = recipe.write.iter().filter(|(id, _)| lacks.contains(id)).collect();
     let reads: Vec<String> = writers.iter().flat_map(|(_, writer)| Input::names(&writer.reads())).collect();
-    let part = recipe.plan.part(reads.iter().map(String::as_str), *records);
-    Work { dataset, plan: part.on(&*recipe.render), writers }
+    let plan = plan.part(reads.iter().map(String::as_str), *records).on(&**render);
+    Work { component, dataset, plan, writers }
 }

@@ -21,7 +21,7 @@ use syntable_model::scene::{Camera, Moment, Optics, Scene, SceneBuilder, SceneId
 use syntable_model::stage::{Atlas, Bodies, DatasetInfo, LightSampler, RenderRequest, RenderSession, Window};
 use syntable_prepare::RayScene;
 use syntable_recipe::plan::{Plan, Producer};
-use syntable_recipe::{Chosen, OnFailure, Recipe};
+use syntable_recipe::{Chosen, Component, OnFailure, Recipe};
 
 /// Inputs shared by the stages of all scenes.
 #[derive(Clone, Copy)]
@@ -47,12 +47,23 @@ impl Tools<'_> {
 /// One attempt at a scene, with its own random numbers.
 pub struct Attempt<'a> {
     pub tools: Tools<'a>,
+    /// The component of the recipe that makes the scene.
+    pub component: &'a Component,
     pub dataset: &'a DatasetInfo,
     pub scene: SceneId,
     pub number: u32,
     pub assets: RecordingAssets<'a>,
     /// The random decisions that the journal records.
     pub draws: Mutex<SceneDraws>,
+}
+
+impl<'a> Attempt<'a> {
+    /// An attempt at a scene.
+    pub fn new(tools: Tools<'a>, dataset: &'a DatasetInfo, (scene, number): (u32, u32)) -> Self {
+        let (_, component) = tools.recipe.component_of(scene);
+        let assets = RecordingAssets::new(tools.assets, &component.pools);
+        Self { tools, component, dataset, scene: SceneId(scene), number, assets, draws: Mutex::default() }
+    }
 }
 
 impl Attempt<'_> {
@@ -84,7 +95,7 @@ impl Attempt<'_> {
     /// Places the bodies.
     pub fn place(&self) -> Result<SceneBuilder> {
         let mut builder = SceneBuilder::default();
-        for (id, placers) in &self.tools.recipe.place {
+        for (id, placers) in &self.component.place {
             let stage = format!("place.{id}");
             let Chosen { stage: placer, stream, alternative } = placers.draw(self.stream(&stage));
             self.note_choice(&stage, alternative);
@@ -96,36 +107,37 @@ impl Attempt<'_> {
 
     /// Lets the bodies come to rest.
     pub fn settle(&self, builder: &mut SceneBuilder) -> Result<SettleReport> {
-        let Chosen { stage: settler, stream, alternative } = self.tools.recipe.settle.draw(self.stream("settle"));
+        let Chosen { stage: settler, stream, alternative } = self.component.settle.draw(self.stream("settle"));
         self.note_choice("settle", alternative);
         self.sample("settle", stream, |context| settler.settle(builder, context))
     }
 
     /// Samples camera and lights of a view. All cameras of a rig share its pose, its moment and its lights.
     pub fn view(&self, scene: &Arc<Scene>, id: ViewId) -> Result<View> {
-        let recipe = self.tools.recipe;
-        let pose_id = recipe.rig.pose(id);
-        let moment = caught("views", || recipe.views.moment(scene, pose_id))?;
+        let component = self.component;
+        let pose_id = component.rig.pose(id);
+        let moment = caught("views", || component.views.moment(scene, pose_id))?;
         let scene = &*scene.at(moment);
         let of_pose = |stage: &str| self.stream(stage).at(u64::from(pose_id.0));
-        let shell = || caught("views", || recipe.views.shell(scene));
-        let draw = |stream: Stream| self.sample("views", stream, |context| recipe.views.pose(scene, pose_id, context));
+        let shell = || caught("views", || component.views.shell(scene));
+        let draw =
+            |stream: Stream| self.sample("views", stream, |context| component.views.pose(scene, pose_id, context));
         let optics = |world_from_camera: Pose| {
             let Optics { intrinsics, distortion, lens, exposure } =
                 self.sample("camera", of_pose("camera"), |context| {
-                    recipe.camera.optics(scene, &world_from_camera, context)
+                    component.camera.optics(scene, &world_from_camera, context)
                 })?;
             Ok((Camera { intrinsics, distortion, lens, world_from_camera }, exposure))
         };
-        let world_from_rig = match &recipe.conditions {
+        let world_from_rig = match &component.conditions {
             None => draw(of_pose("views"))?,
             Some(conditions) => {
                 let trees = || Ok(RayScene::new(scene, |object| self.tools.assets.tree(object)));
                 let rays = self.tools.times.of("views.conditions", trees)?;
-                let target = caught("views", || Ok(recipe.views.target(scene, pose_id)))?;
+                let target = caught("views", || Ok(component.views.target(scene, pose_id)))?;
                 let test = ConditionTest { conditions, scene, rays: &rays, center: shell()?.center, target };
                 let cameras = |world_from_rig: &Pose| -> Result<Vec<Camera>> {
-                    let poses = recipe.rig.poses().into_iter();
+                    let poses = component.rig.poses().into_iter();
                     poses.map(|rig_from_camera| Ok(optics(world_from_rig * rig_from_camera)?.0)).collect()
                 };
                 let draw = |number| match number {
@@ -135,7 +147,7 @@ impl Attempt<'_> {
                 self.accepted(&test, id, draw, cameras)?
             }
         };
-        let rig = recipe.rig.view(id);
+        let rig = component.rig.view(id);
         let (reference, exposure) = optics(world_from_rig)?;
         let (camera, exposure) = match &rig {
             None => (reference, exposure),
@@ -143,13 +155,13 @@ impl Attempt<'_> {
         };
         let shell = shell()?;
         let mut lights = scene.lights.clone();
-        for (light, samplers) in &recipe.lights {
+        for (light, samplers) in &component.lights {
             let stage = format!("lights.{light}");
             // Alternatives agree on it.
             let once = samplers.all().any(LightSampler::once_per_scene);
             let stream = if once { self.stream(&stage) } else { of_pose(&stage) };
             let Chosen { stage: sampler, stream, alternative } = samplers.draw(stream);
-            let is_new = if once { id.0 == 0 } else { recipe.rig.is_first(id) };
+            let is_new = if once { id.0 == 0 } else { component.rig.is_first(id) };
             if is_new {
                 self.note_choice(&stage, alternative);
             }
@@ -169,7 +181,7 @@ impl Attempt<'_> {
         cameras: impl Fn(&Pose) -> Result<Vec<Camera>>,
     ) -> Result<Pose> {
         let count = |draws: &PoseDraws| {
-            if self.tools.recipe.rig.is_first(view) {
+            if self.component.rig.is_first(view) {
                 self.draws.lock().poses.add(draws);
             }
         };
@@ -200,7 +212,7 @@ impl Attempt<'_> {
         }
         match best.filter(|_| test.conditions.on_failure == OnFailure::Best) {
             Some((_, pose)) => {
-                draws.unmet.extend((0..self.tools.recipe.rig.cameras()).map(|camera| view.0 + camera));
+                draws.unmet.extend((0..self.component.rig.cameras()).map(|camera| view.0 + camera));
                 count(&draws);
                 Ok(pose)
             }

@@ -1,6 +1,5 @@
 //! One scene of a run: its attempts, its files, and its line of the journal.
 
-use crate::pools::RecordingAssets;
 use crate::run::dataset::draws::SceneDraws;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{JournalEntry, SceneOutcome};
@@ -14,19 +13,18 @@ use crate::run::making::attempt::{Attempt, Tools};
 use crate::run::making::losses::Losses;
 use crate::run::making::queue::Queue;
 use crate::run::making::recovery::{Attempts, SceneAttempts};
-use crate::run::making::sessions::Sessions;
+use crate::run::making::sessions::AllSessions;
 use crate::run::making::times::Times;
 use crate::run::making::walk::{SceneWalk, ViewSink, scene_event};
 use crate::run::making::writers::Writers;
 use crate::run::progress::Reporter;
-use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::check::LabelCheck;
 use syntable_model::context::{SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
-use syntable_model::scene::{PlacedBodies, Scene, SceneId, Settled, View};
+use syntable_model::scene::{PlacedBodies, Scene, Settled, View};
 use syntable_model::stage::{Output, Scenes};
 use syntable_model::store::StoreFolder;
 use syntable_recipe::plan::Plan;
@@ -36,7 +34,7 @@ pub struct SceneMaker<'a> {
     pub tools: Tools<'a>,
     pub reporter: &'a dyn Reporter,
     pub folder: &'a Folder,
-    pub sessions: &'a Sessions<'a>,
+    pub sessions: &'a AllSessions<'a>,
     /// Checks of every view, before it is written.
     pub checks: &'a [Arc<dyn LabelCheck>],
 }
@@ -79,11 +77,13 @@ impl<'a> SceneMaker<'a> {
                 let outcome = outcome(views, objects, whole);
                 let Anomalies { scene: notices, views: odd_views, .. } = anomalies;
                 let SceneDraws { poses, choices } = draws;
+                let component = whole.component.id.clone();
                 let entry = JournalEntry {
                     notices,
                     odd_views,
                     poses,
                     choices,
+                    component,
                     left_out,
                     errors,
                     assets,
@@ -93,7 +93,9 @@ impl<'a> SceneMaker<'a> {
             }
             None if is_present => self.folder.abandon(scene).map(|()| None),
             None => {
-                let entry = JournalEntry { errors, ..JournalEntry::new(scene, number, SceneOutcome::Failed) };
+                let component = whole.component.id.clone();
+                let failed = JournalEntry::new(scene, number, SceneOutcome::Failed);
+                let entry = JournalEntry { component, errors, ..failed };
                 Ok(Some(MadeScene { entry, kept: Manifest::default(), written: Written::new() }))
             }
         }
@@ -108,9 +110,7 @@ impl<'a> SceneMaker<'a> {
         queue: &Queue<'env>,
     ) -> Result<WrittenScene> {
         let staged = self.folder.stage(scene)?;
-        let assets = RecordingAssets::new(self.tools.assets);
-        let (dataset, scene, draws) = (&work.dataset, SceneId(scene), Mutex::default());
-        let attempt = Attempt { tools: self.tools, dataset, scene, number, assets, draws };
+        let attempt = Attempt::new(self.tools, &work.dataset, (scene, number));
         let written = self.write(&attempt, work, (&staged, stored), queue)?;
         Ok(WrittenScene { assets: attempt.assets.into_digests(), draws: attempt.draws.into_inner(), ..written })
     }
@@ -171,6 +171,7 @@ impl<'a> SceneMaker<'a> {
 
     fn walk<'m>(&'m self, work: &'m Work) -> SceneWalk<'m> {
         let Self { tools, sessions, checks, reporter, .. } = *self;
+        let sessions = sessions.of(work.component);
         SceneWalk { tools, sessions, checks, reporter, dataset: &work.dataset, plan: &work.plan }
     }
 }

@@ -3,6 +3,7 @@
 use crate::pools::AssetStore;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
+use crate::run::decisions::inputs;
 use crate::run::decisions::opening::Begun;
 use crate::run::decisions::work_list::{Job, Task, Todo, Works};
 use crate::run::finish::{Ended, annotate_and_finish};
@@ -11,7 +12,7 @@ use crate::run::making::losses::DatasetLender;
 use crate::run::making::queue::Queue;
 use crate::run::making::recovery::Recovery;
 use crate::run::making::scene::{MadeScene, SceneMaker};
-use crate::run::making::sessions::{Sessions, scenes_in_flight};
+use crate::run::making::sessions::{AllSessions, scenes_in_flight};
 use crate::run::making::times::{RunTimes, Times};
 use crate::run::options::RunOptions;
 use crate::run::outcome::stopping;
@@ -102,7 +103,7 @@ fn make_scenes(
     let in_flight = options.scenes_in_flight.map_or(in_flight, |most| in_flight.min(most.max(1)));
     let works = Works::new(recipe, todo);
     let tasks = todo.scenes.iter().map(|(&scene, job)| works.task(scene, job)).collect();
-    let sessions = Sessions::open(&*recipe.render, in_flight)?;
+    let sessions = AllSessions::open(recipe, in_flight)?;
     let cache = &options.cache;
     let workers = &Stoppable { workers: pool, stop: &options.stop };
     let tools = Tools { recipe, assets, cache, workers, log: &log, times, stop: &options.stop };
@@ -119,7 +120,8 @@ fn make_scenes(
         });
     });
     reporter.event(&Event::Stages { stages: times.all() });
-    let devices = recipe.render.devices().unwrap_or_default().into_iter().map(|device| device.name).collect();
+    let devices = inputs::devices_of(recipe, |_| true).unwrap_or_default();
+    let devices = devices.into_iter().map(|device| device.name).collect();
     let took = RunTimes {
         scenes: work.progress.lock().made,
         threads: options.threads,

@@ -3,9 +3,10 @@
 use crate::run::making::recovery::Recovery;
 use crate::run::panics::caught;
 use parking_lot::{Condvar, Mutex};
+use std::sync::Arc;
 use syntable_model::error::Result;
 use syntable_model::stage::{RenderSession, Renderer};
-use syntable_recipe::Recipe;
+use syntable_recipe::{Component, Recipe};
 
 /// One session per scene in flight, but at most one per device.
 pub struct Sessions<'a> {
@@ -23,8 +24,31 @@ struct SessionSlot {
 /// Number of scenes in flight: one per thread. If the number of sessions is limited, at least one scene more than
 /// sessions, so that a scene is composed while another is rendered.
 pub fn scenes_in_flight(recipe: &Recipe, threads: usize, scenes: usize) -> usize {
-    let least = recipe.render.max_sessions().map_or(1, |sessions| sessions.max(1) + 1);
+    let limits = recipe.components.all().filter_map(|component| component.render.max_sessions());
+    let least = limits.map(|sessions| sessions.max(1) + 1).max().unwrap_or(1);
     threads.max(least).min(scenes).max(1)
+}
+
+/// The sessions of all renderers of a recipe.
+pub struct AllSessions<'a>(Vec<(&'a Arc<dyn Renderer>, Sessions<'a>)>);
+
+impl<'a> AllSessions<'a> {
+    /// Opens the sessions of each renderer for a number of scenes in flight.
+    pub fn open(recipe: &'a Recipe, in_flight: usize) -> Result<Self> {
+        let mut all: Vec<(&Arc<dyn Renderer>, Sessions)> = Vec::new();
+        for Component { render, .. } in recipe.components.all() {
+            if !all.iter().any(|(other, _)| Arc::ptr_eq(other, render)) {
+                all.push((render, Sessions::open(&**render, in_flight)?));
+            }
+        }
+        Ok(Self(all))
+    }
+
+    /// The sessions of the renderer of a component.
+    pub fn of(&self, component: &Component) -> &Sessions<'a> {
+        let own = self.0.iter().find(|(renderer, _)| Arc::ptr_eq(renderer, &component.render));
+        &own.expect("every renderer of the recipe has sessions").1
+    }
 }
 
 impl<'a> Sessions<'a> {
@@ -73,7 +97,6 @@ fn open(renderer: &dyn Renderer, index: usize) -> Result<Box<dyn RenderSession>>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::Arc;
     use std::sync::atomic::{AtomicUsize, Ordering};
     use syntable_model::context::Workers;
     use syntable_model::error::Error;

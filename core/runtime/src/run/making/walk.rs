@@ -110,7 +110,8 @@ impl<'m> SceneWalk<'m> {
         (mut frames, queue): (Frames, &Queue<'m>),
     ) -> Result<(S, Vec<ViewProducts>)> {
         // The next view of the same camera.
-        let after = |view: &View| views.get((view.id.0 + self.tools.recipe.rig.cameras()) as usize).cloned();
+        let cameras = core.component.rig.cameras();
+        let after = |view: &View| views.get((view.id.0 + cameras) as usize).cloned();
         let follow = |view: &Arc<View>, products: Products| {
             let sensing: BTreeMap<String, Stream> = core.sensing(self.plan, view.id);
             let (scene, line) = (scene.at(view.moment), Arc::clone(&line));

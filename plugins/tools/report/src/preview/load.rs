@@ -12,7 +12,7 @@ use syntable_model::error::Error;
 use syntable_model::registry::{Registry, Slot};
 use syntable_model::stage::Input;
 use syntable_recipe::message::Message;
-use syntable_recipe::{Diagnostic, Overrides, Recipe, RecipeRequest};
+use syntable_recipe::{Diagnostic, Overrides, Recipe, RecipeRequest, components_of};
 use syntable_runtime::check::load_naming_all;
 
 /// The preview's denoiser for recipes without one.
@@ -122,14 +122,16 @@ impl Wishes {
             return changes;
         }
         let resolved: toml::Table = recipe.resolved.parse().unwrap_or_default();
-        let option = |slot: Slot, option: &str| resolved.get(slot.name()).and_then(|table| table.get(option));
-        let samples = option(Slot::Render, "samples_per_pixel").and_then(toml::Value::as_integer);
-        if samples.is_some_and(|samples| samples > i64::from(self.samples)) {
-            changes.push(("render.samples_per_pixel".to_owned(), self.samples.to_string()));
-        }
         let is_there = registry.of_slot(Slot::Denoise).any(|entry| entry.kind == DENOISER);
-        if is_there && option(Slot::Denoise, "kind").and_then(toml::Value::as_str) == Some(NO_DENOISER) {
-            changes.push(("denoise.kind".to_owned(), format!("{DENOISER:?}")));
+        for ((_, tables), component) in components_of(&resolved).into_iter().zip(recipe.components.all()) {
+            let option = |slot: Slot, option: &str| tables.get(slot.name()).and_then(|table| table.get(option));
+            let samples = option(Slot::Render, "samples_per_pixel").and_then(toml::Value::as_integer);
+            if samples.is_some_and(|samples| samples > i64::from(self.samples)) {
+                changes.push((component.table("render.samples_per_pixel"), self.samples.to_string()));
+            }
+            if is_there && option(Slot::Denoise, "kind").and_then(toml::Value::as_str) == Some(NO_DENOISER) {
+                changes.push((component.table("denoise.kind"), format!("{DENOISER:?}")));
+            }
         }
         changes
     }

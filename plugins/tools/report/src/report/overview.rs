@@ -1,7 +1,7 @@
 //! Content of the overview: the dataset's card, its statistics, selected views, failed scenes, times.
 
 use super::plot::{grouped, histogram};
-use super::record::PoolView;
+use super::record::{DatasetRecord, PoolView};
 use super::scored::{ReportScores, TableView};
 use super::{DatasetReport, StatisticsProgress, image_path};
 use crate::stats::{DatasetStatistics, ImageRow};
@@ -190,17 +190,36 @@ fn facts(report: &DatasetReport, devices: &BTreeSet<String>) -> Vec<Fact> {
         ("Made by", Some(info.program.clone()).filter(|it| !it.is_empty()).unwrap_or_else(not_known)),
     ];
     if !record.recipe.is_empty() {
-        let samples = record.value(&["render", "samples_per_pixel"]).map(|it| format!(", {it} samples per pixel"));
-        let renderer = record.value(&["render", "kind"]).unwrap_or_else(not_known);
+        let all = |keys: &[&str]| Some(record.values(keys).join("; ")).filter(|values| !values.is_empty());
+        if let Some(components) = components(record) {
+            facts.push(("Components", components));
+        }
+        let samples = all(&["render", "samples_per_pixel"]).map(|it| format!(", {it} samples per pixel"));
+        let renderer = all(&["render", "kind"]).unwrap_or_else(not_known);
         facts.push(("Renderer", format!("{renderer}{}", samples.unwrap_or_default())));
-        facts.push(("Denoiser", record.value(&["denoise", "kind"]).unwrap_or_else(not_known)));
+        facts.push(("Denoiser", all(&["denoise", "kind"]).unwrap_or_else(not_known)));
         let devices: Vec<&str> = devices.iter().map(String::as_str).collect();
         facts.push(("Devices", if devices.is_empty() { not_known() } else { devices.join("; ") }));
-        if let Some(size) = record.value(&["camera", "resolution"]) {
-            facts.push(("Resolution", format!("{} px", size.trim_matches(['[', ']']).replace(", ", " × "))));
+        let sizes: Vec<String> = record
+            .values(&["camera", "resolution"])
+            .iter()
+            .map(|size| format!("{} px", size.trim_matches(['[', ']']).replace(", ", " × ")))
+            .collect();
+        if !sizes.is_empty() {
+            facts.push(("Resolution", sizes.join("; ")));
         }
     }
     facts.into_iter().map(|(name, value)| Fact { name: name.to_owned(), value }).collect()
+}
+
+/// The components of a mixture with their numbers of scenes; none if the recipe is no mixture.
+fn components(record: &DatasetRecord) -> Option<String> {
+    let mut scenes: BTreeMap<&str, u32> = BTreeMap::new();
+    for entry in record.journal.values().filter(|entry| !entry.failed() && !entry.component.is_empty()) {
+        *scenes.entry(entry.component.as_str()).or_default() += 1;
+    }
+    let words = scenes.iter().map(|(component, scenes)| format!("{component}: {}", count(*scenes, "scene")));
+    Some(words.collect::<Vec<_>>().join("; ")).filter(|words| !words.is_empty())
 }
 
 /// The row of Table 1, and related numbers.

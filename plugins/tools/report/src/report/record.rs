@@ -14,6 +14,7 @@ use syntable_model::product::{PerInstance, Value};
 use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::stage::RESERVED;
+use syntable_recipe::components_of;
 use syntable_runtime::run::dataset::journal::{Journal, JournalEntry};
 use syntable_runtime::run::dataset::layout::{journal_path, times_path};
 use syntable_runtime::run::making::times::RunTimes;
@@ -137,12 +138,26 @@ impl DatasetRecord {
 
     /// A value of the recipe as text: `dataset.seed`.
     pub fn value(&self, keys: &[&str]) -> Option<String> {
-        let (last, tables) = keys.split_last()?;
-        let table = tables.iter().try_fold(&self.table, |table, key| table.get(*key)?.as_table())?;
-        Some(match table.get(*last)? {
-            toml::Value::String(text) => text.clone(),
-            other => other.to_string(),
-        })
+        value(&self.table, keys)
+    }
+
+    /// The different values of a key in the components of a mixture, or the value in a recipe that is no mixture.
+    pub fn values(&self, keys: &[&str]) -> Vec<String> {
+        let mut values: Vec<String> = Vec::new();
+        for value in components_of(&self.table).into_iter().filter_map(|(_, table)| value(table, keys)) {
+            if !values.contains(&value) {
+                values.push(value);
+            }
+        }
+        values
+    }
+
+    /// A value of a pool, which a component of a mixture can have.
+    fn value_of_pool(&self, pool: &str, key: &str) -> Option<String> {
+        let (component, id) = pool.split_once('.').map_or((None, pool), |(component, id)| (Some(component), id));
+        let tables = components_of(&self.table).into_iter();
+        let mut tables = tables.filter(|(other, _)| component.is_none_or(|component| component == *other));
+        tables.find_map(|(_, table)| value(table, &["assets", id, key]))
     }
 
     /// The assets of finished scenes, by pool, with their licenses.
@@ -168,10 +183,10 @@ impl DatasetRecord {
                 by_license.entry(license).or_default().push((*name).to_owned());
             }
             let count = |(license, names): (String, Vec<String>)| LicenseCount { license, assets: names.len(), names };
-            let folder = ["root", "folder", "path", "dir"].iter().find_map(|key| self.value(&["assets", pool, key]));
+            let folder = ["root", "folder", "path", "dir"].iter().find_map(|key| self.value_of_pool(pool, key));
             PoolView {
                 name: pool.to_owned(),
-                kind: self.value(&["assets", pool, "kind"]).unwrap_or_default(),
+                kind: self.value_of_pool(pool, "kind").unwrap_or_default(),
                 folder: folder.unwrap_or_default(),
                 assets: names.len(),
                 licenses: by_license.into_iter().map(count).collect(),
@@ -230,9 +245,23 @@ impl DatasetRecord {
     }
 }
 
+/// A value in a table as text.
+fn value(table: &toml::Table, keys: &[&str]) -> Option<String> {
+    let (last, tables) = keys.split_last()?;
+    let table = tables.iter().try_fold(table, |table, key| table.get(*key)?.as_table())?;
+    Some(match table.get(*last)? {
+        toml::Value::String(text) => text.clone(),
+        other => other.to_string(),
+    })
+}
+
 /// Licenses of a recipe's pools: the option of the pool, or else the license that its kind gives to all of its assets.
 fn pool_licenses(registry: &Registry, recipe: &toml::Table) -> BTreeMap<String, String> {
-    let pools = recipe.get(Slot::Assets.name()).and_then(toml::Value::as_table).into_iter().flatten();
+    let components = components_of(recipe).into_iter();
+    let pools = components.flat_map(|(component, tables)| {
+        let pools = tables.get(Slot::Assets.name()).and_then(toml::Value::as_table).into_iter().flatten();
+        pools.map(move |(id, pool)| (component, id, pool))
+    });
     let license = |pool: &toml::Value| {
         if let Some(license) = pool.get("license").and_then(toml::Value::as_str) {
             return Some(license.to_owned());
@@ -244,7 +273,10 @@ fn pool_licenses(registry: &Registry, recipe: &toml::Table) -> BTreeMap<String, 
             _ => None,
         }
     };
-    pools.filter_map(|(name, pool)| Some((name.clone(), license(pool)?))).collect()
+    // Only pools that differ have the names of their components.
+    let names = |component: &str, id: &String| [id.clone(), format!("{component}.{id}")];
+    let licenses = pools.filter_map(|(component, id, pool)| Some((names(component, id), license(pool)?)));
+    licenses.flat_map(|(names, license)| names.map(|name| (name, license.clone()))).collect()
 }
 
 /// A regular, accessible file of a run, if it exists.
