@@ -5,7 +5,8 @@ use crate::kit::{AtEvent, options, registry, run, run_scenes, run_with};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU32;
-use syntable_model::error::Error;
+use syntable_model::prelude::*;
+use syntable_model::registry::{Entry, Registry};
 use syntable_model::scene::Light;
 use syntable_recipe::{Overrides, Recipe, Source};
 use syntable_runtime::cache::DiskCache;
@@ -144,7 +145,7 @@ fn samples_in_memory_are_those_of_the_components() {
         let is_lit = |light: &Light| matches!(light, Light::Sphere(bulb) if bulb.radiance == [7.0; 3]);
         let lit = sample.view.lights.iter().any(is_lit);
         objects.insert(sample.scene.id.0, (sample.scene.objects().len(), lit));
-        Ok::<(), Error>(())
+        Ok(())
     })
     .expect("made");
     for (scene, found) in objects {
@@ -164,4 +165,50 @@ fn annotators_of_the_dataset_must_agree() {
     let report = loaded.err().expect("refused").to_string();
     assert!(report.contains("`one` and `two` differ in [annotate.summer]"), "{report}");
     load(&text.replace("[write.lines]", "[mixture.two.annotate.summer]\nfails_at = 100\n[write.lines]"));
+}
+
+/// The product `thought` with a unit.
+const WEIGHED: Key<Value> = Key::view("thought", "A thought that was weighed.").unit("kg");
+
+/// Provides [`WEIGHED`].
+#[derive(Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+struct Weigher {}
+
+impl Config for Weigher {
+    type Stage = dyn ViewAnnotator;
+    const KIND: &'static str = "weigher";
+    const EXAMPLE: &'static str = "";
+    fn build(self) -> Result<Box<dyn ViewAnnotator>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl ViewAnnotator for Weigher {
+    fn reads(&self) -> Vec<KeyId> {
+        Vec::new()
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        vec![WEIGHED.id()]
+    }
+    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+        products.put(WEIGHED, Value::Int(1))
+    }
+}
+
+#[test]
+fn products_of_writers_must_agree() {
+    let own = registry();
+    let kinds = own.entries().iter().cloned().chain([Entry::of::<Weigher>("weigher", "0.0.0")]);
+    let registry = Registry::new(kinds).expect("no clash");
+    let load = |annotators: &str| {
+        let text = mixed(4, &format!("[write.lines]\ninclude = [\"thought\"]\n{annotators}"));
+        syntable_recipe::load(&registry, Source::embedded("t", text), &Overrides::of_process(Vec::new()))
+    };
+    let [one, two] = ["one", "two"].map(|id| format!("[mixture.{id}.annotate.weigher]\n"));
+    let thinker = "[mixture.two.annotate.thinker]\n";
+    let report = load(&format!("{one}{thinker}")).err().expect("refused").to_string();
+    let want = "write.lines reads `thought`, which `one` and `two` provide with different types, meanings or units";
+    assert!(report.contains(want) && report.contains("[write.lines]"), "{report}");
+    load(&format!("{one}{two}")).unwrap_or_else(|report| panic!("{report}"));
 }

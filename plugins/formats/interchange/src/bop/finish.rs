@@ -85,7 +85,8 @@ pub fn write(config: &Bop, cx: &DatasetContext, finish: &Finish) -> Result<()> {
     let mut objects = Entries::default();
     by_number(&summary.obj_ids).iter().try_for_each(|(obj_id, asset)| objects.push(obj_id, asset))?;
     let [camera_file, info_file, objects_file] = FILES.map(|name| format!("{}/{name}", finish.id()));
-    if let Some(camera) = &summary.camera {
+    // A mixture of recipes can have images of several sizes, each with its camera in `scene_camera.json`.
+    if let Some(camera) = summary.camera.as_ref().filter(|_| summary.sizes.len() == 1) {
         write_file(finish, &camera_file, &pretty(camera)?)?;
     }
     write_file(finish, &info_file, &pretty(&info)?)?;
@@ -112,6 +113,8 @@ struct Summary {
     images: Vec<(SceneId, Vec<ViewId>)>,
     /// Camera of the first image.
     camera: Option<BopCamera>,
+    /// Width and height of the images, px.
+    sizes: BTreeSet<[u32; 2]>,
     /// Numbers of the assets by name, as objects state them.
     obj_ids: BTreeMap<String, u64>,
 }
@@ -124,6 +127,7 @@ impl Summary {
             let mut numbers = Vec::new();
             for view in shard::views(finish, scene)? {
                 numbers.push(ViewId(view.view));
+                summary.sizes.insert([view.camera.width, view.camera.height]);
                 summary.camera.get_or_insert(view.camera);
                 for object in view.objects {
                     stated.entry(object.asset).or_default().insert(object.obj_id);
