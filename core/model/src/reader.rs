@@ -678,6 +678,7 @@ mod tests {
                 detect: |_| panic!("detect"),
                 open,
                 is_generic: false,
+                takes_image_folder: false,
                 crate_name: "test",
             })
         };

@@ -50,7 +50,7 @@ impl DatasetFormat for Pointer {
     }
     fn read(&self, source: &Source) -> Result<Opened> {
         let text = std::fs::read_to_string(&source.path).map_err(|error| Error::io(&source.path, &error))?;
-        self.target.read(&Source { path: PathBuf::from(text.trim()), reach: source.reach })
+        self.target.read(&Source { path: PathBuf::from(text.trim()), ..source.clone() })
     }
     fn owner(&self) -> &str {
         "outside"

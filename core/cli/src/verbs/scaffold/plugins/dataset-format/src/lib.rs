@@ -19,6 +19,7 @@ register_format!(Format {
     detect: |path| path.join(FILE).is_file(),
     open,
     is_generic: false,
+    takes_image_folder: false,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
