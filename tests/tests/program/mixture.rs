@@ -76,7 +76,7 @@ fn components(out: &Path) -> BTreeMap<u32, String> {
 
 /// Names of the categories of each image's annotations, sorted, and the image's size.
 fn categories(out: &Path) -> BTreeMap<String, (Json, Json, Vec<String>)> {
-    let coco = json(&out.join("coco/coco.json"));
+    let coco = json(&out.join("coco/annotations/instances_train.json"));
     let list = |key: &str| coco[key].as_array().cloned().unwrap_or_default();
     let names: BTreeMap<u64, String> = (list("categories").iter())
         .map(|category| (category["id"].as_u64().expect("an id"), category["name"].to_string()))
