@@ -1,4 +1,4 @@
-//! What the components of a mixture must have in common: the products that go into the dataset's files.
+//! Agreement of the components of a mixture on the products that go into the files of the dataset.
 
 use crate::assemble::BuiltComponent;
 use crate::plan::Plan;

@@ -102,7 +102,7 @@ pub(crate) fn pool(
     Some(Pool { kind: stage.entry.kind.to_owned(), table, source, options })
 }
 
-/// What the components of a recipe share.
+/// The pools, renderers, writers and files that the components of a recipe share.
 #[derive(Default)]
 struct Shared {
     pools: Vec<SharedPool>,
@@ -283,7 +283,7 @@ impl Shared {
         }
     }
 
-    /// The renderer of a component, or that of an earlier component that describes it alike.
+    /// The renderer of a component, or the renderer of an earlier component that describes it alike.
     fn renderer(&mut self, described: Described, renderer: Box<dyn Renderer>) -> Arc<dyn Renderer> {
         if let Some((_, same)) = self.renderers.iter().find(|(other, _)| *other == described) {
             return Arc::clone(same);

@@ -1,4 +1,4 @@
-//! What makes the scenes of a recipe. A mixture of recipes has several components, any other recipe has one.
+//! Components: the makers of scenes. A mixture of recipes has several, any other recipe has one.
 
 use crate::one_of::OneOf;
 use crate::plan::Plan;

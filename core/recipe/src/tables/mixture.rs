@@ -18,7 +18,7 @@ use toml::de::{DeString, DeTable, DeValue};
 /// Keys of a component besides its slots.
 const KEYS: [&str; 4] = [WEIGHT, "extends", "remove", "set"];
 
-/// What makes the scenes of a recipe, or of a component of a mixture.
+/// The stages of a recipe, or of a component of a mixture, that make its scenes.
 pub(crate) struct ComponentTree<'a> {
     /// Its name; empty in a recipe that is no mixture.
     pub id: String,
