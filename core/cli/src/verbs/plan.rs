@@ -5,6 +5,7 @@ use crate::console::Console;
 use crate::exit::Exit;
 use crate::signals::{Ends, ended, on_signals};
 use clap::Args;
+use std::collections::BTreeMap;
 use std::time::Duration;
 use syntable_model::registry::Registry;
 use syntable_recipe::{Component, Recipe};
@@ -16,10 +17,10 @@ use syntable_runtime::run::progress::{clock, count};
 pub(crate) struct PlanArgs {
     #[command(flatten)]
     recipe: RecipeArgs,
-    /// Also make the first scenes in memory, to tell how long all of them take on this machine.
+    /// Also make the first scenes in memory, and estimate how long the whole run takes on this machine.
     #[arg(long)]
     time: bool,
-    /// Number of scenes to measure, after one that warms up. Default: as many as ten seconds allow, but at least one.
+    /// Number of scenes to measure, after one warm-up scene. Default: as many as ten seconds allow, but at least one.
     #[arg(long, value_name = "N", requires = "time", value_parser = clap::value_parser!(u32).range(1..))]
     scenes: Option<u32>,
     /// Worker threads of the run. Default: all cores.
@@ -35,7 +36,7 @@ pub(crate) fn plan(console: &Console, registry: &Registry, args: &PlanArgs) -> R
         return plan_with_time(console, registry, args);
     }
     let recipe = console.load(registry, &args.recipe)?;
-    console.print(&format!("{}time: `--time` makes a few scenes to tell it\n", table(&recipe)))
+    console.print(&format!("{}time: not measured; `--time` makes a few scenes and estimates it\n", table(&recipe)))
 }
 
 fn plan_with_time(console: &Console, registry: &Registry, args: &PlanArgs) -> Result<(), Exit> {
@@ -88,7 +89,7 @@ fn disk(recipe: &Recipe, images: u64) -> String {
         "disk: images take at most {} per view, {} in all, less with compression; masks and records, which follow \
          the number of objects, come on top\n",
         size(bytes),
-        size(bytes * images)
+        size(bytes.saturating_mul(images))
     )
 }
 
@@ -103,38 +104,43 @@ fn size(bytes: u64) -> String {
 const STAGES: usize = 4;
 
 fn in_words(found: &Forecast) -> String {
+    let pace = &found.pace;
     let whole = |seconds: f64| clock(Duration::from_secs_f64(seconds));
-    let known = match found.objects {
+    let objects = match pace.objects {
         [one, other] if one == other => format!("with {}", count(one, "object")),
         [fewest, most] => format!("with {fewest} to {most} objects"),
     };
     let mut out = format!(
-        "\ntime on this machine, with {}, from {} {known}:\n",
+        "\ntime on this machine, with {}, from {} {objects}:\n",
         count(found.threads as u32, "thread"),
-        count(found.measured, "measured scene"),
+        count(pace.measured, "measured scene"),
     );
     let mut row = |name: &str, text: String| out += &format!("  {name:<7}{text}\n");
-    match found.is_cold {
+    match pace.is_cold {
         true => row("start", "part of the only scene".into()),
-        false => row("start", seconds(found.start_s)),
+        false => row("start", seconds(pace.start_s)),
     }
     row(
         "scene",
         format!(
             "{}, {} per view: {} images/h",
-            seconds(found.scene_s),
-            seconds(found.scene_s / f64::from(found.views_per_scene)),
+            seconds(pace.scene_s),
+            seconds(pace.scene_s / f64::from(found.views_per_scene)),
             found.images_per_hour().round()
         ),
     );
-    let [least, most] = found.scene_range_s.map(|each| whole(found.start_s + each * f64::from(found.scenes)));
-    let doubt = match found.measured {
-        1 => "scenes differ with their objects: --scenes 5 measures more of them".to_owned(),
+    let [least, most] = pace.total_range_s.map(whole);
+    let doubt = match pace.measured {
+        1 => "from one scene only; --scenes 5 gives a better estimate".to_owned(),
         _ => format!("{least} if all were like the fastest, {most} like the slowest"),
     };
-    row("total", format!("{} for {} ({doubt})", whole(found.total_s), count(found.scenes, "scene")));
+    row("total", format!("{} for {} ({doubt})", whole(pace.total_s), count(found.scenes, "scene")));
+    if !found.unmeasured.is_empty() {
+        let names = found.unmeasured.join(", ");
+        row("rough", format!("too few scenes of {names} were measured: --scenes 20 gives a better estimate"));
+    }
     row("disk", format!("{} per scene, {} in all", size(found.scene_bytes), size(found.total_bytes())));
-    row("limit", format!("{}; time of a scene: {}", bound(found.bound), shares(found)));
+    row("limit", format!("{}; time of a scene: {}", bound(pace.bound), shares(&pace.stages)));
     out
 }
 
@@ -142,14 +148,14 @@ fn bound(bound: Bound) -> &'static str {
     match bound {
         Bound::Cores => "the cores of the processor",
         Bound::RenderDevice => "the device that renders",
-        Bound::SceneSteps => "the steps of a scene, which follow one another",
+        Bound::SceneSteps => "the sequential steps within a scene",
     }
 }
 
 /// The stages that take the most time of a scene, with their shares.
-fn shares(found: &Forecast) -> String {
-    let all: f64 = found.stages.values().sum();
-    let mut stages: Vec<(&String, f64)> = found.stages.iter().map(|(stage, seconds)| (stage, *seconds)).collect();
+fn shares(stages: &BTreeMap<String, f64>) -> String {
+    let all: f64 = stages.values().sum();
+    let mut stages: Vec<(&String, f64)> = stages.iter().map(|(stage, seconds)| (stage, *seconds)).collect();
     stages.sort_by(|(_, one), (_, other)| other.total_cmp(one));
     let share = |(stage, seconds): &(&String, f64)| format!("{stage} {:.0} %", 100.0 * seconds / all.max(1e-9));
     stages.iter().take(STAGES).map(share).collect::<Vec<_>>().join(", ")

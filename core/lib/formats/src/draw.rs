@@ -12,7 +12,9 @@ pub type DrawColor = [u8; 3];
 /// Gap between panels, px.
 const GAP: u32 = 4;
 /// Color of the gaps.
-const BACKGROUND: DrawColor = [24; 3];
+pub const BACKGROUND: DrawColor = [24; 3];
+/// Color of texts.
+pub const CAPTION: DrawColor = [190; 3];
 
 /// An image composed of panels.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,4 +1,4 @@
-//! Warns of color images with much noise: few random paths per pixel, and no denoiser.
+//! Warns of noisy color images: few random paths per pixel, and no denoiser.
 
 use crate::plan::{Plan, PlanEntry, Provider};
 use crate::tables::stages::Built;
@@ -27,9 +27,9 @@ pub(crate) fn check(built: &Built, plan: &Plan) -> Option<DiagnosticBuilder> {
         DiagnosticBuilder::warning(
             Code::Noise,
             stage.header.clone(),
-            format!("images of {paths} per pixel have much noise without a denoiser"),
+            format!("images of {paths} per pixel are noisy without a denoiser"),
         )
-        .help("write [denoise] and below it kind = \"guided\"")
+        .help("add a section [denoise] with `kind = \"guided\"`")
         .help(format!("or raise `samples_per_pixel` to {ENOUGH_SAMPLES} or more"))
     };
     (samples < ENOUGH_SAMPLES).then(warning)

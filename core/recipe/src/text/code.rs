@@ -198,9 +198,9 @@ codes! {
         "Remove one of two steps that set the same, or put the step that sets the part before those that need it. \
          Without objects, add a `drop_box`. Correct the name of a support: the message lists those that exist.";
     /// Few samples without a denoiser. A warning.
-    Noise = "D0027", "the images have much noise",
-        "The renderer follows few random paths per pixel, and no denoiser removes their noise. A net that learns from such \
-         images learns the noise, too.",
+    Noise = "D0027", "the images are noisy",
+        "The renderer follows few random paths per pixel, and no denoiser removes their noise. A network \
+         trained on such images learns the noise as well.",
         "Add the section `[denoise]` with `kind = \"guided\"`, or raise `samples_per_pixel`. Noise falls with the square \
          root of the samples.";
 }

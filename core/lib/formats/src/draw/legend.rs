@@ -1,22 +1,16 @@
 //! The legend below a sheet of images: what its rows, panels and colors mean.
 
 use crate::draw::text::{self, CHARACTER, LINE};
-use crate::draw::{DrawColor, color, paste};
+use crate::draw::{BACKGROUND, CAPTION, DrawColor, color, paste};
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
 
-/// Width of a sheet below which it has no legend, px: few words would fit.
-const LEAST_WIDTH: u32 = 40 * CHARACTER;
 /// Edge of a sample of color, px.
 const SAMPLE: u32 = 9;
 /// Distance of a text from its sample, px.
 const PADDING: u32 = 6;
 /// Distance of the legend from the borders, px.
 const MARGIN: u32 = 6;
-/// Color inside an outlined sample.
-const BACKGROUND: DrawColor = [24; 3];
-/// Color of the text.
-const CAPTION: DrawColor = [190; 3];
 
 /// Sample of color before a text of a legend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,15 +28,15 @@ pub enum LegendSample {
 pub struct Legend(Vec<Vec<(u32, LegendSample, &'static str)>>);
 
 impl Legend {
-    /// Breaks texts into lines of a width. The legend of a narrow sheet is empty.
+    /// Breaks texts into lines of a width. If a text is longer than a line, the legend is empty.
     pub fn new(items: &[(LegendSample, &'static str)], width: u32) -> Self {
         let mut lines: Vec<Vec<(u32, LegendSample, &'static str)>> = Vec::new();
-        if width < LEAST_WIDTH {
+        if items.iter().any(|&item| 2 * MARGIN + length(item) > width) {
             return Self(lines);
         }
         let mut x = width;
         for &(sample, text) in items {
-            let needed = before(sample) + text.len() as u32 * CHARACTER;
+            let needed = length((sample, text));
             if x + needed + MARGIN > width {
                 lines.push(Vec::new());
                 x = MARGIN;
@@ -71,6 +65,11 @@ impl Legend {
     }
 }
 
+/// Length of a text with its sample, px.
+fn length((sample, text): (LegendSample, &str)) -> u32 {
+    before(sample) + text.len() as u32 * CHARACTER
+}
+
 /// Width of a sample with its distance from the text, px.
 fn before(sample: LegendSample) -> u32 {
     if sample == LegendSample::None { 0 } else { SAMPLE + PADDING }
@@ -95,8 +94,9 @@ mod tests {
 
     #[test]
     fn no_text_is_cut_at_the_right_edge() {
-        assert_eq!(Legend::new(&ITEMS, LEAST_WIDTH - 1).height(), 0);
-        for width in LEAST_WIDTH..700 {
+        let least = 2 * MARGIN + ITEMS.map(length).into_iter().max().expect("texts");
+        assert_eq!(Legend::new(&ITEMS, least - 1).height(), 0);
+        for width in least..700 {
             let legend = Legend::new(&ITEMS, width);
             assert_eq!(legend.0.iter().map(Vec::len).sum::<usize>(), ITEMS.len());
             for line in &legend.0 {

@@ -1,6 +1,6 @@
 //! The image of a view on the contact sheet.
 
-use syntable_formats::draw::{self, DrawColor};
+use syntable_formats::draw::{self, BACKGROUND, DrawColor};
 use syntable_model::error::Result;
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
@@ -8,8 +8,6 @@ use syntable_model::product::standard::{AMODAL_MASK, OCCLUSION_MASK, RGB, VISIBL
 
 /// Distance of images from each other and from the border, px.
 pub const GAP: u32 = 6;
-/// Color between images.
-pub const BACKGROUND: DrawColor = [24; 3];
 
 /// Products that cells are drawn from.
 pub fn inputs(labels: bool) -> Vec<Input> {

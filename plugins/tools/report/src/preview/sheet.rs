@@ -1,11 +1,11 @@
 //! The contact sheet: a row per scene, a column per view, with captions. A cell without an image states the reason.
 
-use super::cell::{BACKGROUND, GAP};
+use super::cell::GAP;
 use super::shot::Shot;
 use std::sync::Arc;
 use syntable_formats::draw::legend::{Legend, LegendSample};
 use syntable_formats::draw::text::{self, CHARACTER, LINE};
-use syntable_formats::draw::{self, DrawColor};
+use syntable_formats::draw::{self, BACKGROUND, CAPTION, DrawColor};
 use syntable_formats::encode::png::PngImage;
 use syntable_model::error::Result;
 use syntable_model::product::Plane;
@@ -23,7 +23,6 @@ const MARK: (&str, &str) = ("Software", "syntable preview");
 const MARKED: usize = 256;
 
 const EMPTY: DrawColor = [38; 3];
-const CAPTION: DrawColor = [190; 3];
 const OUTDATED: DrawColor = [120; 3];
 const MISTAKE: DrawColor = [255, 150, 130];
 
