@@ -39,7 +39,7 @@ pub struct ForecastOptions {
     pub stop: Stop,
 }
 
-/// What limits the speed of a run.
+/// The limit of a run's speed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bound {
     /// The cores of the processor.
@@ -84,7 +84,7 @@ pub struct Pace {
     pub total_s: f64,
     /// The same if all scenes were like the fastest and like the slowest measured scene, s.
     pub total_range_s: [f64; 2],
-    /// What limits the speed.
+    /// The limit of the speed.
     pub bound: Bound,
     /// Working time of each stage in a scene that is made alone, s.
     pub stages: BTreeMap<String, f64>,
@@ -200,8 +200,8 @@ impl Pace {
     /// The speed of a run from the costs of scenes that were made one after the other, and the weights of the components.
     /// The first scene of a component warms up, unless the component has no other.
     ///
-    /// The slowest of three lanes sets the speed: all cores, all render sessions, or all scenes in progress, each of
-    /// which takes at least as long as a scene alone.
+    /// The slowest of three lanes sets the speed: all cores, all render sessions, or all scenes in progress. A scene in
+    /// progress takes at least as long as a scene alone.
     fn of(costs: &[SceneCost], weights: &[f64], lanes: Lanes) -> Self {
         let first = |cost: &SceneCost| costs.iter().position(|other| other.component == cost.component);
         let is_warm = |(index, cost): &(usize, &SceneCost)| first(cost) != Some(*index);
