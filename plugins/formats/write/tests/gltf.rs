@@ -266,6 +266,7 @@ fn z_up(p: Point3<f64>) -> Point3<f64> {
 struct MeshPart {
     positions: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
+    colors: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
     material: usize,
 }
@@ -283,6 +284,7 @@ fn parts(file: &gltf::Gltf, mesh: usize) -> Vec<MeshPart> {
             MeshPart {
                 positions: reader.read_positions().expect("positions").collect(),
                 uvs: reader.read_tex_coords(0).map(|uvs| uvs.into_f32().collect()).unwrap_or_default(),
+                colors: reader.read_colors(0).map(|colors| colors.into_rgb_f32().collect()).unwrap_or_default(),
                 triangles: indices.as_chunks().0.to_vec(),
                 material: primitive.material().index().expect("a material"),
             }
@@ -411,11 +413,14 @@ fn sizes_and_changed_colors_are_baked() {
     let mesh = Arc::new(crate_mesh());
     let plain_mesh = Arc::new(Mesh::new(MeshData { colors: Vec::new(), ..crate_mesh().into_data() }).expect("sound"));
     let plain = || Material::plain("plain", [0.9, 0.4, 0.2], 0.4);
+    let other = || Material::plain("other", [0.3, 0.8, 1.0], 0.4);
     let textured = object("textured", plain_mesh, vec![plain(), rich()]);
-    let colored = object("colored", mesh, vec![Material::plain("white", [1.0; 3], 0.4)]);
+    let colored = object("colored", mesh.clone(), vec![plain()]);
+    let two_factors = object("two_factors", mesh.clone(), vec![plain(), other()]);
+    let mixed = object("mixed", mesh, vec![plain(), rich()]);
     let mut builder = SceneBuilder::default();
     builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.7], [1.0, 0.8])).into();
-    for object in [Arc::new(textured.resized(1.5).expect("sound")), colored] {
+    for object in [Arc::new(textured.resized(1.5).expect("sound")), colored, two_factors, mixed] {
         let asset = AssetRef { pool: "pool".into(), name: object.name.clone() };
         let draft = BodyDraft::new(asset, object, Pose::identity(), Role::Object, Motion::Fixed);
         builder.add(draft.with_recolor(Some(recolor)));
@@ -439,11 +444,28 @@ fn sizes_and_changed_colors_are_baked() {
         let got = [texel[0], texel[1], texel[2]].map(linear);
         assert!(is_near(&got, want, 6e-3) && texel[3] == 255 - (i % 4) as u8, "{i}: {got:?}, not {want:?}");
     }
-    let blob = file.blob.as_deref();
-    let primitive = file.meshes().nth(1).expect("a mesh").primitives().next().expect("a part");
-    let colors: Vec<[f32; 3]> = primitive.reader(|_| blob).read_colors(0).expect("colors").into_rgb_f32().collect();
-    for (i, got) in colors.iter().enumerate() {
-        assert!(is_near(got, matrix.apply([1.0, i as f32 / 8.0, 0.0]), 1e-6), "{i}: {got:?}");
+    // With vertex colors, a viewer shows the factor times the color: the change of the renderer's product, face by face. The green of
+    // a corner tells its number.
+    let number = |p: [f32; 3]| (0..3).filter(|&axis| p[axis] > 0.1).map(|axis| 1 << axis).sum::<u8>();
+    let (orange, blue) = ([0.9, 0.4, 0.2], [0.3, 0.8, 1.0]);
+    for (node, factors) in [(2, &[Some(orange); 2][..]), (3, &[Some(orange), Some(blue)]), (4, &[Some(orange), None])] {
+        let found = parts(&file, json["nodes"][node]["mesh"].as_u64().expect("a mesh") as usize);
+        assert_eq!(found.iter().map(|part| part.triangles.len()).sum::<usize>(), 12);
+        for part in &found {
+            // The second slot is the top, on the corners from 4 on.
+            let is_top = part.triangles.len() == 2;
+            for &i in part.triangles.as_flattened() {
+                let i = i as usize;
+                let own = [1.0, f32::from(number(part.positions[i])) / 8.0, 0.0];
+                let shown: Vec<f32> = (0..3).map(|c| factor(part.material)[c] * part.colors[i][c]).collect();
+                let want = match factors[if is_top { 1 } else { 0 }] {
+                    Some(factor) => matrix.apply([0, 1, 2].map(|c: usize| factor[c] * own[c])),
+                    // The texture has the change.
+                    None => own,
+                };
+                assert!(is_near(&shown, want, 1e-6), "node {node}, vertex {i}: {shown:?}, not {want:?}");
+            }
+        }
     }
     // Emission keeps its colors. The mesh is as large as the object, and the node says so.
     assert_ne!(json["materials"][1]["emissiveTexture"]["index"], pbr["baseColorTexture"]["index"]);

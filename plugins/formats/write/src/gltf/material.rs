@@ -9,6 +9,7 @@ use super::document::{
     MaterialExtensions, Pbr, TextureInfo,
 };
 use super::glb::Glb;
+use super::recolor::is_in_vertex_colors;
 use super::texture::{TextureChannel, Textures, mean};
 use std::collections::BTreeMap;
 use syntable_model::digest::Digest;
@@ -125,11 +126,12 @@ impl GltfMaterials {
         Ok(())
     }
 
-    /// The factor and the texture of the base color. A changed color is in the texture.
+    /// The factor and the texture of the base color. A changed color is in the texture or in the vertex colors.
     fn base_color(&mut self, glb: &mut Glb, material: &Material) -> Result<([f32; 3], Option<TextureInfo>)> {
         let factor = material.base_color.factor.map(unit);
         match (&material.base_color.texture, &material.recolor) {
             (Some(used), Some(matrix)) => Ok(([1.0; 3], Some(self.textures.recolored(glb, used, factor, matrix)?))),
+            _ if is_in_vertex_colors(material) => Ok(([1.0; 3], None)),
             _ => Ok((factor, self.color(glb, &material.base_color)?)),
         }
     }

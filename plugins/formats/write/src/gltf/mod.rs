@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`geometry`], [`arrays`] | meshes, each once |
 //! | [`material`], [`texture`] | materials, with their textures packed into glTF's channels |
+//! | [`recolor`] | vertex colors of bodies with changed colors |
 //! | `light`, [`environment`], [`camera`] | lights, environment maps, cameras |
 //! | [`document`], [`glb`] | JSON and container |
 //!
@@ -18,6 +19,7 @@ mod geometry;
 mod glb;
 mod light;
 mod material;
+mod recolor;
 mod texture;
 mod vertices;
 
@@ -30,12 +32,11 @@ use light::GltfLights;
 use material::GltfMaterials;
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
 use syntable_formats::encode::{scene_name, view_name};
 use syntable_formats::include::write_file;
 use syntable_model::digest::Digest;
 use syntable_model::prelude::*;
-use syntable_model::scene::{Body, Material, Mesh};
+use syntable_model::scene::Body;
 
 /// Writes settled scenes as binary glTF 2.0, for Blender and other programs.
 ///
@@ -45,9 +46,9 @@ use syntable_model::scene::{Body, Material, Mesh};
 /// refraction, emissive strength, texture transforms), the cameras and the lights. Units are meters, nits, lux and
 /// candela. glTF is y up: the root node `world` rotates the scene; its children have the coordinates of the dataset, z
 /// up. Bodies that share a mesh share it in the file; an object of another size has a mesh of its own. Colors that a placer
-/// changed are baked: into the factor or the image of the base color, or into the vertex colors. Where a mesh has vertex colors
-/// and a texture, only the texture is changed. `extras` hold what glTF cannot express: instance ids, the size and the change of color of objects, camera
-/// matrices, distortion, lens and exposure.
+/// changed are baked: into the factor or the image of the base color, or into the vertex colors. Where a face has both vertex
+/// colors and a texture, the texture is changed, and the vertex colors stay. `extras` hold what glTF cannot express: instance ids,
+/// the size and the change of color of objects, camera matrices, distortion, lens and exposure.
 ///
 /// # Output
 ///
@@ -225,7 +226,8 @@ impl Export {
             uvs: used.iter().any(|material| material.textures().next().is_some()),
             tangents: used.iter().any(|material| material::has_normal_map(material)),
         };
-        let geometry = self.geometries.get(&mut self.glb, &vertex_colored(body, &used), mapping, needs);
+        let mesh = recolor::vertex_colored(&object.mesh, &used)?;
+        let geometry = self.geometries.get(&mut self.glb, &mesh, mapping, needs);
         let mut materials = Vec::new();
         for &(slot, _) in &geometry.parts {
             let material = used.get(slot).or(used.last()).ok_or_else(|| Error::new("an object without materials"))?;
@@ -288,20 +290,6 @@ impl Export {
     fn into_bytes(self) -> Result<Vec<u8>> {
         self.glb.into_bytes()
     }
-}
-
-/// The mesh of a body with the vertex colors that it shows. Where a texture varies the base color, the texture has the change of
-/// color instead.
-fn vertex_colored(body: &Body, materials: &[Arc<Material>]) -> Arc<Mesh> {
-    let mesh = &body.object.mesh;
-    let is_textured = materials.iter().any(|material| material.base_color.texture.is_some());
-    let matrix = match materials.iter().find_map(|material| material.recolor) {
-        Some(matrix) if !is_textured => matrix,
-        _ => return Arc::clone(mesh),
-    };
-    let mut data = mesh.data().clone();
-    data.colors.iter_mut().for_each(|color| *color = matrix.apply(vertices::color(*color)));
-    Mesh::new(data).map_or_else(|_| Arc::clone(mesh), Arc::new)
 }
 
 register!(Gltf);
