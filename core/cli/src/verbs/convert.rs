@@ -54,7 +54,8 @@ pub(crate) fn convert(console: &Console, registry: &Registry, args: ConvertArgs)
     }
     if converted.faults > 0 {
         let faults = count(converted.faults, "fault");
-        let warning = Error::new(format!("{faults} in the converted labels: the result may have them, too"))
+        let it = if converted.faults == 1 { "it" } else { "them" };
+        let warning = Error::new(format!("{faults} in the labels that were converted; the result may repeat {it}"))
             .in_file(&options.dataset)
             .help("`syntable validate` lists all faults");
         console.say(&Message::Warning(warning));

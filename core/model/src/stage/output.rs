@@ -190,9 +190,9 @@ impl Finish {
 /// The remedy for a wrong or missing file of a scene.
 pub const DAMAGED: &str = "the dataset is damaged; a run with `options.repair` makes the scene again";
 
-/// The remedy for a file that a disk or a network did not deliver.
+/// The remedy for a file that a disk or a network did not deliver, or that the user may not read.
 const UNDELIVERED: &str =
-    "the disk or the network failed, and the file may be sound: mend it, then run the same command";
+    "the file may be intact; check the disk, the network and the permissions, then run the same command again";
 
 /// Adds the remedy to the error of a dataset's file that cannot be read. Only wrong content means damage.
 pub fn unreadable(error: Error) -> Error {
@@ -279,11 +279,11 @@ mod tests {
         // EIO, EACCES, ESTALE.
         for code in [5, 13, 116] {
             let said = of(std::io::Error::from_raw_os_error(code));
-            assert!(said.contains("may be sound") && !said.contains("damaged"), "{said}");
+            assert!(said.contains("may be intact") && !said.contains("damaged"), "{said}");
         }
         for kind in [std::io::ErrorKind::NotFound, std::io::ErrorKind::UnexpectedEof] {
             let said = of(kind.into());
-            assert!(said.contains("damaged") && !said.contains("sound"), "{said}");
+            assert!(said.contains("damaged") && !said.contains("intact"), "{said}");
         }
         assert_eq!(unreadable(Error::new("no").help("do so")).to_string(), "no (do so)");
     }
