@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use syntable_model::check::LabelCheck;
 use syntable_model::error::{Error, Result};
-use syntable_model::product::standard::{DEPTH, OBJECT_INFO, RGB, RGB_FILE};
+use syntable_model::product::standard::{OBJECT_INFO, is_image_file};
 use syntable_model::product::{KeyId, Products, Value};
 use syntable_model::reader::{DatasetFault, OpenDataset, Source, is_unnamed};
 use syntable_model::registry::Registry;
@@ -247,8 +247,7 @@ fn read(dataset: &OpenDataset, image: usize, wants: &[KeyId]) -> (Products, Vec<
         Err(_) => {
             let (mut products, mut messages) = (Products::new(), BTreeSet::new());
             // Often the image files alone are missing. Product by product, an image takes a dozen reads.
-            let (files, labels): (Vec<KeyId>, Vec<KeyId>) =
-                wants.iter().copied().partition(|key| [RGB.id(), RGB_FILE.id(), DEPTH.id()].contains(key));
+            let (files, labels): (Vec<KeyId>, Vec<KeyId>) = wants.iter().copied().partition(|key| is_image_file(*key));
             let one_by_one = match dataset.read(image, &labels) {
                 Ok(read) => {
                     products = read.products;

@@ -9,8 +9,8 @@ use syntable_model::files::DatasetFolder;
 use syntable_model::limits::ORDERED;
 pub use syntable_model::product::masks_of;
 use syntable_model::product::standard::{
-    AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, DEPTH, LABEL_POLICY, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB,
-    RGB_FILE, VISIBLE_BOX, VISIBLE_MASK,
+    AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, LABEL_POLICY, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, VISIBLE_BOX,
+    VISIBLE_MASK, is_image_file,
 };
 use syntable_model::product::{
     BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, PixelCounts, Product, Products, Value, meeting_boxes,
@@ -245,11 +245,7 @@ where
 
 /// The products that are labels, not images.
 pub fn labels_among(products: &[KeyId]) -> Vec<KeyId> {
-    products
-        .iter()
-        .copied()
-        .filter(|key| ![RGB.id(), RGB_FILE.id(), DEPTH.id(), LABEL_POLICY.id()].contains(key))
-        .collect()
+    products.iter().copied().filter(|key| !is_image_file(*key) && *key != LABEL_POLICY.id()).collect()
 }
 
 /// The categories of an annotation file, and their ids in a dataset that is written from it.

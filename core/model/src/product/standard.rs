@@ -3,8 +3,8 @@
 //! Camera frame: x right, y down, z forward. Images have row 0 at the top; pixel centers are at half-integers.
 
 use super::{
-    BBox, BitPlane, DType, Form, Mask, ObjectDepths, ObjectImages, ObjectModels, OcclusionOrder, PerInstance, Plane,
-    Semantic, Value,
+    BBox, BitPlane, DType, Form, KeyId, Mask, ObjectDepths, ObjectImages, ObjectModels, OcclusionOrder, PerInstance,
+    Plane, Semantic, Value,
 };
 use crate::products;
 use crate::scene::InstanceId;
@@ -307,6 +307,11 @@ products! {
 
     /// Residual speeds, maximum penetration depth and removed bodies of the settled scene.
     pub const SETTLE_REPORT: Key<Value> = scene("settle_report").form(|| Form::Record);
+}
+
+/// Whether datasets of labeled images keep a product in an image file, beside the labels: color or depth.
+pub fn is_image_file(key: KeyId) -> bool {
+    [RGB.id(), RGB_FILE.id(), DEPTH.id()].contains(&key)
 }
 
 /// Products that had another name, as (old, new).

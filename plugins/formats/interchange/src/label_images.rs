@@ -5,7 +5,7 @@ use syntable_formats::decode::FileContent;
 use syntable_formats::read::{self, KnownMasks, ObjectLabels};
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{DEPTH, RGB, RGB_FILE};
+use syntable_model::product::standard::{DEPTH, RGB, RGB_FILE, is_image_file};
 use syntable_model::reader::{DatasetFault, ImageSource, ReadImage};
 use syntable_model::rule;
 
@@ -65,8 +65,7 @@ impl<R: LabelRules> ImageSource for LabelImages<R> {
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let of = &self.images[image];
         let (mut products, mut size) = (Products::new(), None);
-        let is_label = |want: &KeyId| ![RGB.id(), RGB_FILE.id(), DEPTH.id()].contains(want);
-        if wants.is_empty() || wants.iter().any(is_label) {
+        if wants.is_empty() || wants.iter().any(|want| !is_image_file(*want)) {
             let labels = self.content(&of.labels, None)?.labels()?;
             size = Some([labels.width(), labels.height()]);
             let shown = read::masks_of(&labels.map(|label| label.saturating_sub(of.background)));

@@ -8,7 +8,7 @@ use syntable_formats::decode::{self, FileContent};
 use syntable_formats::read::{self, Categories, Faults, ObjectLabels};
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{DEPTH, RGB, RGB_FILE};
+use syntable_model::product::standard::{DEPTH, RGB, RGB_FILE, is_image_file};
 use syntable_model::reader::{DatasetFault, Format, ImageSource, Opened, ReadImage, Source};
 use syntable_model::rule;
 
@@ -97,7 +97,7 @@ impl ImageSource for OsdSource {
         let of = &self.images[image];
         let (mut products, mut left_out) = (Products::new(), Vec::new());
         let size = FileContent::read(&self.path(COLOR, &of.name)?)?.put_rgb(wants, &mut products)?;
-        if wants.iter().any(|want| ![RGB.id(), RGB_FILE.id(), DEPTH.id()].contains(want)) {
+        if wants.iter().any(|want| !is_image_file(*want)) {
             let shown = self.gray(LABELS, &of.name, size)?;
             read::put(&self.labels(of, &shown)?, None, wants, &mut products)?;
             let without = of.without_amodal(&shown).len();

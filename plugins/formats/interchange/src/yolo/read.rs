@@ -18,7 +18,9 @@ use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
-use syntable_model::product::standard::{AMODAL_BOX, BOX, CATEGORY_ID, OCCLUSION_MASK, RGB, RGB_FILE, VISIBLE_BOX};
+use syntable_model::product::standard::{
+    AMODAL_BOX, BOX, CATEGORY_ID, OCCLUSION_MASK, RGB, RGB_FILE, VISIBLE_BOX, is_image_file,
+};
 use syntable_model::reader::{DatasetFault, Format, ImageSource, Note, Opened, ReadImage, Source, unnamed_class};
 use syntable_model::rule;
 
@@ -244,7 +246,7 @@ impl ImageSource for YoloSource {
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let mut products = Products::new();
         let size = FileContent::read(&self.images[image].image)?.put_rgb(wants, &mut products)?;
-        if wants.iter().any(|want| ![RGB.id(), RGB_FILE.id()].contains(want)) {
+        if wants.iter().any(|want| !is_image_file(*want)) {
             let lines = self.lines(image)?;
             self.put_boxes(&lines, size, wants, &mut products)?;
             match self.shape {
