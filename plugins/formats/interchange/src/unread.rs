@@ -12,6 +12,10 @@ syntable_model::register_unread!(recognize);
 
 /// A kind of dataset.
 struct Kind {
+    /// Its name in the list of the book, `book/src/interchange.md`.
+    #[cfg_attr(not(test), expect(dead_code, reason = "only the test of the book's list reads it"))]
+    name: &'static str,
+    /// The content of the user's files, for messages.
     what: &'static str,
     help: Help,
     /// Signs of the kind. One is enough.
@@ -22,8 +26,26 @@ struct Kind {
 enum Help {
     /// Datumaro reads the dataset under this name, and writes COCO.
     Datumaro(&'static str),
+    /// A way in words, or else Datumaro.
+    OrDatumaro(&'static str, &'static str),
     /// In words.
     Words(&'static str),
+}
+
+impl Help {
+    fn text(&self) -> String {
+        let datum = |name: &str| {
+            format!(
+                "convert the dataset to COCO: `datum convert -i FOLDER -if {name} -f coco -o OUT -- --save-media` (`pip \
+                 install datumaro`)"
+            )
+        };
+        match self {
+            Self::Datumaro(name) => datum(name),
+            Self::OrDatumaro(words, name) => format!("{words}, or {}", datum(name)),
+            Self::Words(text) => (*text).to_owned(),
+        }
+    }
 }
 
 /// A sign of a kind.
@@ -32,17 +54,19 @@ enum Clue {
     Words(&'static [&'static str], &'static [&'static [&'static str]]),
     /// Files or folders below one folder. All paths of any list must exist.
     Paths(&'static [&'static [&'static str]]),
-    /// A part of the name of a file.
-    Name(&'static str),
+    /// The end of the name of a file.
+    NameEnd(&'static str),
+    /// A part of the name of a file, before the number of its shard.
+    NamePart(&'static str),
     /// A text file with lines of YOLO.
     YoloLines,
 }
 
-use Clue::{Name, Paths, Words, YoloLines};
+use Clue::{NameEnd, NamePart, Paths, Words, YoloLines};
 use Help::Datumaro;
 
 /// Help for datasets whose images of classes have no objects.
-const NO_OBJECTS: Help = Help::Words("nothing in it tells one object from another: take a dataset with instances");
+const NO_OBJECTS: Help = Help::Words("nothing in it tells one object from another: use a dataset with instance labels");
 /// Help for datasets that BOP publishes, too.
 const OF_BOP: Help =
     Help::Words("download the dataset in BOP's form from https://bop.felk.cvut.cz/datasets, which is read");
@@ -50,24 +74,28 @@ const OF_BOP: Help =
 /// The kinds. The first match counts.
 const KINDS: &[Kind] = &[
     Kind {
-        what: "results of COCO's form, which are predictions and not a dataset",
+        name: "COCO results",
+        what: "COCO results (predictions, not a dataset)",
         help: Help::Words("score them with `syntable eval --gt DATASET --pred` and this file"),
         clues: &[Words(&["json"], &[&["[", "\"image_id\"", "\"score\"", "\"category_id\""]])],
     },
     Kind {
-        what: "annotations of YouTube-VIS' form, which follow objects through videos",
+        name: "YouTube-VIS",
+        what: "YouTube-VIS annotations of objects in videos",
         help: Help::Words(
             "write one COCO annotation for each frame: `segmentations` has a mask for each of a video's `file_names`",
         ),
         clues: &[Words(&["json"], &[&["\"videos\"", "\"file_names\""], &["\"videos\"", "\"segmentations\""]])],
     },
     Kind {
-        what: "COCO captions, which label no objects",
+        name: "COCO captions",
+        what: "COCO captions (without objects)",
         help: Help::Words("name a file of instances, such as `annotations/instances_val2017.json`"),
         clues: &[Words(&["json"], &[&["\"annotations\"", "\"caption\""]])],
     },
     Kind {
-        what: "annotations of SA-1B's form, one file per image",
+        name: "SA-1B",
+        what: "annotations of SA-1B's form",
         help: Help::Words(
             "join the files to one COCO file: their `image` records become `images`, with `image_id` as `id`; their \
              `annotations` get this `image_id`, and a `category_id`",
@@ -78,7 +106,8 @@ const KINDS: &[Kind] = &[
         )],
     },
     Kind {
-        what: "annotations of OCHuman's form, which are inside the records of images",
+        name: "OCHuman",
+        what: "annotations of OCHuman's form",
         help: Help::Words(
             "write one COCO file: each entry of an image's `annotations` becomes an annotation with this `image_id`, and \
              its `bbox` and `segms` become `bbox` and `segmentation`",
@@ -86,6 +115,7 @@ const KINDS: &[Kind] = &[
         clues: &[Words(&["json"], &[&["\"images\"", "\"max_iou\""]])],
     },
     Kind {
+        name: "LabelMe",
         what: "LabelMe annotations",
         help: Help::Words(
             "convert them to COCO with LabelMe's script `examples/instance_segmentation/labelme2coco.py`",
@@ -93,11 +123,13 @@ const KINDS: &[Kind] = &[
         clues: &[Words(&["json"], &[&["\"shapes\"", "\"shape_type\""], &["\"shapes\"", "\"imagePath\""]])],
     },
     Kind {
+        name: "VIA",
         what: "a project or annotations of the VGG Image Annotator (VIA)",
         help: Help::Words("open them in VIA, and choose `Annotation`, `Export Annotations (COCO format)`"),
         clues: &[Words(&["json"], &[&["\"_via_img_metadata\""], &["\"shape_attributes\""]])],
     },
     Kind {
+        name: "Label Studio",
         what: "tasks of Label Studio",
         help: Help::Words("export them from Label Studio as COCO or YOLO"),
         clues: &[Words(
@@ -106,6 +138,7 @@ const KINDS: &[Kind] = &[
         )],
     },
     Kind {
+        name: "Labelbox",
         what: "annotations of Labelbox",
         help: Help::Words("convert them to COCO with `labelbox.data.serialization.COCOConverter`"),
         clues: &[Words(
@@ -114,26 +147,31 @@ const KINDS: &[Kind] = &[
         )],
     },
     Kind {
+        name: "Supervisely",
         what: "annotations of Supervisely",
         help: Help::Words("export them with Supervisely's app `Export to COCO`"),
         clues: &[Words(&["json"], &[&["\"classTitle\"", "\"objects\""], &["\"classId\"", "\"geometryType\""]])],
     },
     Kind {
+        name: "VoTT",
         what: "annotations of VoTT",
         help: Datumaro("vott_json"),
         clues: &[Words(&["json"], &[&["\"videoSettings\"", "\"tags\""], &["\"asset\"", "\"regions\""]])],
     },
     Kind {
+        name: "CreateML",
         what: "annotations of CreateML's form",
         help: Help::Words("export them from Roboflow as `COCO` or `YOLOv8`"),
         clues: &[Words(&["json"], &[&["[", "\"image\"", "\"annotations\"", "\"coordinates\""]])],
     },
     Kind {
+        name: "BDD100K",
         what: "annotations of BDD100K's form",
         help: Help::Words("convert them to COCO with BDD100K's `python3 -m bdd100k.label.to_coco`"),
         clues: &[Words(&["json"], &[&["\"labels\"", "\"box2d\""], &["\"labels\"", "\"poly2d\""]])],
     },
     Kind {
+        name: "CrowdHuman",
         what: "annotations of CrowdHuman's form",
         help: Help::Words(
             "write one COCO file: each line is an image; of `gtboxes`, `vbox` becomes `bbox`, and `fbox` the amodal box \
@@ -142,16 +180,19 @@ const KINDS: &[Kind] = &[
         clues: &[Words(&["odgt"], &[&["\"gtboxes\""]])],
     },
     Kind {
+        name: "ADE20K",
         what: "annotations of ADE20K",
         help: Datumaro("ade20k2020"),
         clues: &[Words(&["json"], &[&["\"annotation\"", "\"imsize\""]])],
     },
     Kind {
+        name: "ADE20K",
         what: "annotations of ADE20K in the form of 2017",
         help: Datumaro("ade20k2017"),
-        clues: &[Name("_atr.txt")],
+        clues: &[NameEnd("_atr.txt")],
     },
     Kind {
+        name: "Cityscapes",
         what: "Cityscapes",
         help: Datumaro("cityscapes"),
         clues: &[
@@ -160,11 +201,13 @@ const KINDS: &[Kind] = &[
         ],
     },
     Kind {
+        name: "Mapillary Vistas",
         what: "Mapillary Vistas",
         help: Datumaro("mapillary_vistas_instances"),
         clues: &[Paths(&[&["config_v1.2.json"], &["config_v2.0.json"], &["v2.0/polygons"], &["v1.2/instances"]])],
     },
     Kind {
+        name: "TensorFlow Datasets",
         what: "a dataset of TensorFlow Datasets",
         help: Help::Words(
             "read it with `tfds.load`, and write its frames as one COCO file; MOVi's `segmentations` has each pixel's \
@@ -176,6 +219,7 @@ const KINDS: &[Kind] = &[
         )],
     },
     Kind {
+        name: "Kubric",
         what: "scenes of Kubric, such as MOVi's",
         help: Help::Words(
             "write each frame as an image of one COCO file: pixels of `segmentation_*.png` have the number of the instance, \
@@ -187,11 +231,13 @@ const KINDS: &[Kind] = &[
         ],
     },
     Kind {
+        name: "HOPE",
         what: "HOPE's annotations of poses",
         help: OF_BOP,
         clues: &[Words(&["json"], &[&["\"intrinsics\"", "\"objects\"", "\"class\"", "\"pose\""]])],
     },
     Kind {
+        name: "DOPE",
         what: "annotations of NVIDIA's form for DOPE (NDDS, NViSII)",
         help: Help::Words(
             "write the scenes in BOP's layout: `location` is the position in cm, and `quaternion_xyzw` the rotation, both in \
@@ -200,27 +246,37 @@ const KINDS: &[Kind] = &[
         clues: &[Words(&["json"], &[&["\"camera_data\"", "\"objects\""]])],
     },
     Kind {
+        name: "YCB-Video",
         what: "YCB-Video in its authors' form",
         help: OF_BOP,
-        clues: &[Name("-meta.mat"), Paths(&[&["data_syn", "keyframe.txt"], &["image_sets", "data_syn"]])],
+        clues: &[NameEnd("-meta.mat"), Paths(&[&["data_syn", "keyframe.txt"], &["image_sets", "data_syn"]])],
     },
     Kind {
-        what: "a dataset in the SIXD challenge's form, such as T-LESS in its authors' form",
+        name: "SIXD",
+        what: "a dataset in the SIXD challenge's form, such as the authors' T-LESS",
         help: OF_BOP,
         clues: &[Paths(&[&["gt.yml", "info.yml"]])],
     },
-    Kind { what: "LINEMOD in its authors' form", help: OF_BOP, clues: &[Name(".rot"), Paths(&[&["RGB-D", "poses"]])] },
     Kind {
+        name: "LINEMOD",
+        what: "LINEMOD in its authors' form",
+        help: OF_BOP,
+        clues: &[NameEnd(".rot"), Paths(&[&["RGB-D", "poses"]])],
+    },
+    Kind {
+        name: "Datumaro",
         what: "annotations of Datumaro",
         help: Datumaro("datumaro"),
         clues: &[Words(&["json"], &[&["\"dm_format_version\""], &["\"items\"", "\"label_id\""]])],
     },
     Kind {
+        name: "LabelMe's web tool",
         what: "annotations of LabelMe's web tool",
         help: Datumaro("label_me"),
         clues: &[Words(&["xml"], &[&["<annotation", "<object", "<polygon"]])],
     },
     Kind {
+        name: "Pascal VOC",
         what: "Pascal VOC annotations",
         help: Datumaro("voc"),
         clues: &[
@@ -229,27 +285,28 @@ const KINDS: &[Kind] = &[
         ],
     },
     Kind {
+        name: "CVAT's own XML",
         what: "annotations of CVAT's own form",
-        help: Help::Words(
-            "export them from CVAT as `COCO 1.0`, or convert them: `datum convert -i FOLDER -if cvat -f coco -o OUT -- \
-             --save-media`",
-        ),
+        help: Help::OrDatumaro("export them from CVAT as `COCO 1.0`", "cvat"),
         clues: &[Words(
             &["xml"],
             &[&["<annotations", "<image "], &["<annotations", "<track "], &["<annotations", "<task"]],
         )],
     },
     Kind {
+        name: "KITTI",
         what: "KITTI's recordings with tracklets",
         help: Datumaro("kitti_raw"),
         clues: &[Words(&["xml"], &[&["<boost_serialization", "<tracklets"]])],
     },
     Kind {
+        name: "Open Images",
         what: "tables of Open Images",
         help: Datumaro("open_images"),
         clues: &[Words(&["csv"], &[&["ImageID,", "LabelName"], &["ImageID,", "Rotation"]])],
     },
     Kind {
+        name: "tables of boxes",
         what: "tables of boxes, a line per object",
         help: Help::Words(
             "export COCO or YOLO from the program that made them, or write each line as an annotation of a COCO file, with \
@@ -258,37 +315,44 @@ const KINDS: &[Kind] = &[
         clues: &[Words(&["csv"], &[&["xmin", "ymin", "xmax", "ymax"], &["x_min", "y_min", "x_max", "y_max"]])],
     },
     Kind {
-        what: "an export of Roboflow without objects: classes of images, or of pixels",
+        name: "Roboflow's exports for classification",
+        what: "a Roboflow export for classification or semantic segmentation",
         help: Help::Words("export it from Roboflow as `COCO Segmentation` or `YOLOv8`"),
         clues: &[Paths(&[&["_classes.csv"]])],
     },
     Kind {
+        name: "TFRecord",
         what: "files of TensorFlow (TFRecord)",
         help: Datumaro("tf_detection_api"),
-        clues: &[Words(&["tfrecord", "record"], &[&[]]), Name(".tfrecord-")],
+        clues: &[Words(&["tfrecord", "record"], &[&[]]), NamePart(".tfrecord-")],
     },
     Kind {
-        what: "masks of MOTS or KITTI-MOTS, which follow objects through videos",
+        name: "KITTI-MOTS",
+        what: "MOTS or KITTI-MOTS masks of objects in videos",
         help: Datumaro("mots_png"),
         clues: &[Paths(&[&["instances", "instances_txt"], &["images", "instances/labels.txt"]])],
     },
     Kind {
-        what: "boxes of the MOT challenge, which follow objects through videos",
+        name: "MOT",
+        what: "MOT challenge boxes of objects in videos",
         help: Datumaro("mot_seq"),
         clues: &[Paths(&[&["gt/gt.txt"]])],
     },
     Kind {
+        name: "KITTI",
         what: "KITTI's labels of objects",
         help: Datumaro("kitti_detection"),
         clues: &[Paths(&[&["label_2"], &["label_02"]])],
     },
     Kind {
-        what: "KITTI's instances of pixels",
+        name: "KITTI",
+        what: "KITTI instance segmentation",
         help: Datumaro("kitti_segmentation"),
         clues: &[Paths(&[&["image_2", "instance"]])],
     },
     Kind {
-        what: "DOTA's rotated boxes, as Roboflow's `YOLOv5 Oriented Bounding Boxes` has them, too",
+        name: "DOTA",
+        what: "DOTA's rotated boxes, or Roboflow's `YOLOv5 Oriented Bounding Boxes`",
         help: Help::Words(
             "convert them to YOLO with `convert_dota_to_yolo_obb` of `ultralytics.data.converter`, or export `YOLOv8 Oriented \
              Bounding Boxes`, which is read",
@@ -296,19 +360,27 @@ const KINDS: &[Kind] = &[
         clues: &[Paths(&[&["labelTxt"]])],
     },
     Kind {
+        name: "nuScenes",
         what: "nuScenes, or a dataset of its form",
         help: Help::Words(
             "convert it to COCO with nuScenes' `nuscenes.scripts.export_2d_annotations_as_json`, or mmdetection3d",
         ),
         clues: &[Paths(&[&["calibrated_sensor.json"]])],
     },
-    Kind { what: "WIDER FACE", help: Datumaro("wider_face"), clues: &[Paths(&[&["wider_face_split"]])] },
     Kind {
+        name: "WIDER FACE",
+        what: "WIDER FACE",
+        help: Datumaro("wider_face"),
+        clues: &[Paths(&[&["wider_face_split"]])],
+    },
+    Kind {
+        name: "WISDOM",
         what: "WISDOM, or a dataset of SD Mask R-CNN",
         help: Help::Words("write the masks of `modal_segmasks` as a COCO file: each gray value above 0 is an object"),
         clues: &[Paths(&[&["depth_ims", "modal_segmasks"]])],
     },
     Kind {
+        name: "GraspNet",
         what: "GraspNet-1Billion",
         help: Help::Words(
             "write the scenes in BOP's layout: `annotations/*.xml` has the poses, and `label/*.png` the objects' numbers",
@@ -316,17 +388,28 @@ const KINDS: &[Kind] = &[
         clues: &[Paths(&[&["realsense", "kinect"]])],
     },
     Kind {
-        what: "images of defects in MVTec AD's form, which label no objects",
+        name: "MVTec AD",
+        what: "images of defects in MVTec AD's form",
         help: NO_OBJECTS,
         clues: &[Paths(&[&["ground_truth", "test"]])],
     },
     Kind {
-        what: "semantic segmentation: images of classes without objects",
+        name: "semantic segmentation",
+        what: "semantic segmentation (classes without objects)",
         help: NO_OBJECTS,
-        clues: &[Paths(&[&["train", "trainannot"], &["RGB", "SemSeg"], &["RGBLeft", "GTLeft"], &["images", "masks"]])],
+        clues: &[Paths(&[&["train", "trainannot"], &["RGB", "SemSeg"], &["RGBLeft", "GTLeft"]])],
     },
     Kind {
-        what: "lines of YOLO in another layout than Ultralytics'",
+        name: "folders of masks",
+        what: "images beside a folder of masks",
+        help: Help::Words(
+            "if the masks tell one object from another, write them as one COCO file; masks of classes alone label no objects",
+        ),
+        clues: &[Paths(&[&["images", "masks"]])],
+    },
+    Kind {
+        name: "YOLO label files in a layout other than Ultralytics'",
+        what: "YOLO label files in a layout other than Ultralytics'",
         help: Help::Words(
             "put the images into `images/train`, and their text files into `labels/train` beside `images`; `data.yaml` names \
              the classes",
@@ -348,14 +431,7 @@ const TEXTS: usize = 4;
 fn recognize(path: &Path) -> Option<Error> {
     let seen = Seen::below(path);
     if let Some(Kind { what, help, .. }) = KINDS.iter().find(|kind| kind.clues.iter().any(|clue| seen.shows(clue))) {
-        let help = match help {
-            Datumaro(name) => format!(
-                "convert the dataset to COCO: `datum convert -i FOLDER -if {name} -f coco -o OUT -- --save-media` (`pip \
-                 install datumaro`)"
-            ),
-            Help::Words(text) => (*text).to_owned(),
-        };
-        return Some(Error::new(format!("it looks like {what}: no format reads it")).help(help));
+        return Some(Error::new(format!("this looks like {what}, which syntable cannot read")).help(help.text()));
     }
     let of_images = |file: &&PathBuf| match AnnotationStart::of(file) {
         AnnotationStart::Records(keys) => is_json(file) && keys.have_any(&["category_id"]),
@@ -443,7 +519,8 @@ impl Seen {
                 .folders
                 .iter()
                 .any(|folder| lists.iter().any(|paths| paths.iter().all(|path| folder.join(path).exists()))),
-            Name(part) => self.names.iter().any(|name| name.contains(part)),
+            NameEnd(end) => self.names.iter().any(|name| name.ends_with(end)),
+            NamePart(part) => self.names.iter().any(|name| name.contains(part)),
             YoloLines => self.texts.iter().filter_map(|file| start(file)).any(|(_, text)| is_yolo(&text)),
         }
     }
@@ -467,4 +544,22 @@ fn start(file: &Path) -> Option<(String, String)> {
     let mut bytes = Vec::new();
     File::open(file).ok()?.take(START).read_to_end(&mut bytes).ok()?;
     Some((end, String::from_utf8_lossy(&bytes).into_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_book_lists_all_kinds() {
+        let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../book/src/interchange.md");
+        let page = std::fs::read_to_string(page).expect("the page");
+        let section =
+            page.split("\n### ").find(|section| section.starts_with("Which files are read")).expect("the section");
+        let list: Vec<&str> = section.split_whitespace().skip_while(|word| *word != "-").collect();
+        let list = list.join(" ");
+        for kind in KINDS {
+            assert!(list.contains(kind.name), "book/src/interchange.md does not list {}", kind.name);
+        }
+    }
 }

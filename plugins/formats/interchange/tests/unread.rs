@@ -36,7 +36,7 @@ const FILES: &[OfProgram] = &[
     (
         "results.json",
         r#"[{"image_id": 42, "category_id": 18, "bbox": [258.15, 41.29, 348.26, 243.78], "score": 0.236}]"#,
-        "predictions and not a dataset",
+        "COCO results (predictions, not a dataset)",
         "syntable eval",
     ),
     (
@@ -51,7 +51,7 @@ const FILES: &[OfProgram] = &[
         "<?xml version=\"1.0\"?><annotations><version>1.1</version><meta><task></task></meta>\
          <image id=\"0\" name=\"a.jpg\" width=\"4\" height=\"4\"></image></annotations>",
         "CVAT's own form",
-        "COCO 1.0",
+        "as `COCO 1.0`, or convert the dataset to COCO: `datum convert -i FOLDER -if cvat",
     ),
     (
         "a.json",
@@ -162,7 +162,8 @@ const FILES: &[OfProgram] = &[
         "CrowdHuman",
         "`fbox`",
     ),
-    ("labels/a.txt", "0 0.5 0.5 0.25 0.125\n", "lines of YOLO", "`labels/train`"),
+    ("labels/a.txt", "0 0.5 0.5 0.25 0.125\n", "YOLO label files", "`labels/train`"),
+    ("benchvise/rot0.rot", "3 3\n", "LINEMOD", "bop.felk.cvut.cz"),
     ("images/000001-meta.mat", "MATLAB 5.0 MAT-file", "YCB-Video", "bop.felk.cvut.cz"),
 ];
 
@@ -195,6 +196,7 @@ fn folders_of_other_datasets_are_named() {
         (&["training/v2.0/polygons"], "Mapillary"),
         (&["01/gt.yml", "01/info.yml"], "T-LESS"),
         (&["RGB", "SemSeg"], "semantic segmentation"),
+        (&["images", "masks"], "images beside a folder of masks"),
     ] {
         let folder = tempfile::tempdir().expect("a folder");
         folders.iter().for_each(|name| fs::create_dir_all(folder.path().join(name)).expect("a folder"));
@@ -211,6 +213,9 @@ fn other_files_are_not_taken_for_datasets() {
         ("a.xml", "<svg></svg>"),
         ("a.csv", "a,b\n1,2\n"),
         ("a.txt", "1 2 3 4 5\n"),
+        // Parts of these names are the ends of LINEMOD's and of YCB-Video's.
+        ("a.rot90.png", ""),
+        ("a-meta.mat.txt", ""),
     ] {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join(file);
