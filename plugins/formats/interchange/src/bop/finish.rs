@@ -85,8 +85,8 @@ pub fn write(config: &Bop, cx: &DatasetContext, finish: &Finish) -> Result<()> {
     let mut objects = Entries::default();
     by_number(&summary.obj_ids).iter().try_for_each(|(obj_id, asset)| objects.push(obj_id, asset))?;
     let [camera_file, info_file, objects_file] = FILES.map(|name| format!("{}/{name}", finish.id()));
-    // A mixture of recipes can have images of several sizes, each with its camera in `scene_camera.json`.
-    if let Some(camera) = summary.camera.as_ref().filter(|_| summary.sizes.len() == 1) {
+    // `scene_camera.json` has the cameras of all images; the dataset has one only if they agree.
+    if let [camera] = &summary.cameras[..] {
         write_file(finish, &camera_file, &pretty(camera)?)?;
     }
     write_file(finish, &info_file, &pretty(&info)?)?;
@@ -111,10 +111,8 @@ pub fn write(config: &Bop, cx: &DatasetContext, finish: &Finish) -> Result<()> {
 struct Summary {
     /// The views of each scene.
     images: Vec<(SceneId, Vec<ViewId>)>,
-    /// Camera of the first image.
-    camera: Option<BopCamera>,
-    /// Width and height of the images, px.
-    sizes: BTreeSet<[u32; 2]>,
+    /// The first two cameras that differ, or fewer.
+    cameras: Vec<BopCamera>,
     /// Numbers of the assets by name, as objects state them.
     obj_ids: BTreeMap<String, u64>,
 }
@@ -127,8 +125,9 @@ impl Summary {
             let mut numbers = Vec::new();
             for view in shard::views(finish, scene)? {
                 numbers.push(ViewId(view.view));
-                summary.sizes.insert([view.camera.width, view.camera.height]);
-                summary.camera.get_or_insert(view.camera);
+                if summary.cameras.len() < 2 && !summary.cameras.contains(&view.camera) {
+                    summary.cameras.push(view.camera);
+                }
                 for object in view.objects {
                     stated.entry(object.asset).or_default().insert(object.obj_id);
                 }

@@ -70,7 +70,8 @@ use syntable_model::prelude::*;
 ///
 /// In `{id}`: `camera.json`, `dataset_info.json`, `objects.json`, with a test split `test_targets_bop19.json`, with
 /// models `models/obj_{obj_id:06}.ply`, its texture `models/obj_{obj_id:06}.png` and `models/models_info.json`, the
-/// same in `models_eval`; and in `{id}/{split}/{scene:06}`:
+/// same in `models_eval`. A dataset of several cameras, which differ in image size or intrinsics, has no
+/// `camera.json`: `scene_camera.json` has the intrinsics of each image. In `{id}/{split}/{scene:06}`:
 ///
 /// - `rgb/{view:06}.png`, or `.jpg`: 8-bit RGB.
 /// - `depth/{view:06}.png`: 16-bit multiples of `depth_scale` along the optical axis; 0 without a surface or measurement.

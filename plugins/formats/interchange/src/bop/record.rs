@@ -250,7 +250,7 @@ pub struct BopDatasetInfo {
 }
 
 /// `camera.json`.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BopCamera {
     pub cx: f64,
     pub cy: f64,
