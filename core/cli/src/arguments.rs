@@ -55,7 +55,8 @@ pub const TRUST_PATHS: &str =
     "Also read files outside the dataset's folder if its paths or links lead there. Only for datasets that you trust";
 
 /// Help of `--image-folder`, an option of verbs that read the images of datasets.
-pub const IMAGE_FOLDER: &str = "Folder of the images, to which the annotation file's names are relative. Default: found by the layout of the format";
+pub const IMAGE_FOLDER: &str = "Folder of the images, to which the annotation file's names are relative. If it has none of these names, the last part of \
+     each name counts, provided that no two are equal. Default: found by the layout of the format";
 
 /// The requested number of threads, or else the number of cores.
 pub fn threads(asked: Option<u16>) -> usize {

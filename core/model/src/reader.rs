@@ -56,8 +56,7 @@ impl dyn DatasetFormat + '_ {
     /// If the path is not a dataset of the format, or nothing of it can be read.
     pub fn open(&self, source: &Source) -> Result<OpenDataset> {
         if source.image_folder.is_some() && !self.takes_image_folder() {
-            let message =
-                format!("`options.image_folder`: the images of a {} dataset are in folders of its own", self.name());
+            let message = format!("`options.image_folder`: the format {} fixes where its images are", self.name());
             return Err(Error::new(message)
                 .in_file(&source.path)
                 .help("leave out `options.image_folder`")
@@ -192,7 +191,8 @@ pub struct Source {
     pub path: PathBuf,
     /// How far names and links in it may reach.
     pub reach: Reach,
-    /// The folder of its images if the user names it; otherwise it is found by the layout of the format.
+    /// The folder of its images if the user names it; otherwise it is found by the layout of the format. Images may be in it by their
+    /// whole names, or by the last parts of their names alone if these differ.
     pub image_folder: Option<PathBuf>,
 }
 

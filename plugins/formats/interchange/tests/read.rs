@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use syntable_interchange as _;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_MASK, BOX, CATEGORY_ID, DEPTH, DEPTH_SENSED, OCCLUSION_MASK, RGB, VISIBLE_MASK,
+    AMODAL_MASK, BOX, CAMERA, CATEGORY_ID, DEPTH, DEPTH_SENSED, OCCLUSION_MASK, RGB, VISIBLE_MASK,
 };
 use syntable_model::reader::{self, OpenDataset, Source};
 use syntable_testing::read_back::{JPEG, assert_jpeg_images};
@@ -1102,6 +1102,18 @@ fn images_may_be_elsewhere() {
             }
         });
         assert!(found() == want, "{kind}");
+        // Without the folders `a` and `b`, two images would be one file.
+        let there = source.image_folder.as_ref().expect("set");
+        let entry = fs::read_dir(there).expect("there").next().expect("an image").expect("there");
+        fs::copy(entry.path(), there.join("same.png")).expect("copied");
+        spoil(&annotation_file(&root), &|file| {
+            for (image, of) in file["images"].as_array_mut().expect("a list").iter_mut().zip(["a", "b"]) {
+                image["file_name"] = format!("{of}/same.png").into();
+            }
+        });
+        let error = registry().open_dataset(&source, None).err().unwrap_or_else(|| panic!("{kind}: it is read"));
+        let said = "`a/same.png` and `b/same.png` would be one file in ";
+        assert!(error.to_string().contains(said) && error.help_text().is_some(), "{kind}: {error}");
     }
     // A format whose images have places of their own.
     let folder = tempfile::tempdir().expect("a folder");
@@ -1109,6 +1121,27 @@ fn images_may_be_elsewhere() {
     let source = Source::new(folder.path().join("data")).with_images_in(Some(folder.path().to_owned()));
     let error = registry().open_dataset(&source, None).err().expect("refused").to_string();
     assert!(error.contains("osd_amodal") && error.contains("`options.image_folder`"), "{error}");
+}
+
+#[test]
+fn bop_has_a_camera_of_the_dataset_if_all_images_share_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "bop", "");
+    assert!(folder.path().join("data/camera.json").is_file());
+    // Images of the same size, one of them with another field of view.
+    let (writer, mut takes) = (writer("bop", "").expect("good options"), takes());
+    let products = &mut takes[1].views[0].1;
+    let mut camera = serde_json::to_value(products.get(CAMERA).expect("there")).expect("JSON");
+    camera["K"][0][0] = json!(1.5 * camera["K"][0][0].as_f64().expect("a number"));
+    let others: Vec<KeyId> = products.keys().into_iter().filter(|key| *key != CAMERA.id()).collect();
+    *products = products.only(&others);
+    products.put(CAMERA, Value::of(&camera).expect("a value")).expect("put");
+    let folder = tempfile::tempdir().expect("a folder");
+    write_scenes(folder.path(), "data", &*writer, &classes(), &takes).expect("written");
+    finish(folder.path(), "data", &*writer, &classes(), &[0, 1, 2]).expect("finished");
+    let root = folder.path().join("data");
+    assert!(root.join("dataset_info.json").is_file() && !root.join("camera.json").exists());
+    assert_eq!(open(&root).images.len(), takes.iter().map(|take| take.views.len()).sum::<usize>());
 }
 
 #[test]

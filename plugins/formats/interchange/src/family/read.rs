@@ -77,7 +77,7 @@ impl AnnotationFile {
         records: &[(&'static str, &'static [&'static str])],
         each: &mut dyn FnMut(&A, &mut [Unkept]),
     ) -> Result<Self> {
-        let (mut has_depth, mut has_policy) = (true, true);
+        let (mut has_depth, mut has_policy, mut depth_files) = (true, true, Vec::new());
         let of_records = [("images", OF_IMAGES)].iter().chain(records).map(|(of, read)| Unkept::new(of, read));
         let mut unkept: Vec<Unkept> = of_records.collect();
         let listing =
@@ -85,14 +85,16 @@ impl AnnotationFile {
                 IndexedRecord::Annotation(annotation) => each(annotation, &mut unkept[1..]),
                 IndexedRecord::Image(image) => {
                     count_unkept(&mut unkept[0], image);
-                    has_depth &= depth_file(image).is_some();
+                    let depth = depth_file(image);
+                    has_depth &= depth.is_some();
+                    depth_files.extend(depth.filter(|_| source.image_folder.is_some()).map(str::to_owned));
                     has_policy &= policy(image).is_some();
                 }
                 IndexedRecord::Scene(_) => {}
             })?;
         let [has_depth, has_policy] = [has_depth, has_policy].map(|has| has && !listing.images.is_empty());
         let (images_root, by_last_part) = match &source.image_folder {
-            Some(folder) => named_root(source.folder(folder)?, &listing),
+            Some(folder) => named_root(source.folder(folder)?, &listing, &depth_files)?,
             None => (images_root(root, folders, &listing), false),
         };
         Ok(Self { listing, images_root, by_last_part, has_depth, has_policy, unkept })
@@ -184,12 +186,17 @@ impl AnnotationFile {
         Ok(self.has_policy && policy(&self.listing.image(image)?).is_some_and(extends))
     }
 
+    /// The name of an image, of color or depth, in the folder of the images.
+    fn name_in_folder<'n>(&self, name: &'n str) -> &'n str {
+        if self.by_last_part { last_part(name) } else { name }
+    }
+
     /// Adds color, depth and the policy of labels, where requested.
     fn put_images(&self, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()> {
         let size = self.size(image);
         if [RGB.id(), RGB_FILE.id()].iter().any(|key| wants.contains(key)) {
             let name = self.listing.images[image].frame.file_name.as_str();
-            let path = self.images_root.file(if self.by_last_part { last_part(name) } else { name })?;
+            let path = self.images_root.file(self.name_in_folder(name))?;
             let content = FileContent::read(&path).map_err(|error| match path.exists() {
                 true => error,
                 false => error.help("name the folder of the images with `options.image_folder`"),
@@ -201,7 +208,7 @@ impl AnnotationFile {
         if depth || policy {
             let record: CocoImage = self.listing.image(image)?;
             if depth {
-                let path = self.images_root.file(depth_file(&record).unwrap_or_default())?;
+                let path = self.images_root.file(self.name_in_folder(depth_file(&record).unwrap_or_default()))?;
                 products.put(DEPTH, decode::depth_of_size(&path, DEPTH_UNIT_MM, size)?)?;
             }
             if policy {
@@ -227,10 +234,29 @@ fn images_root(root: &DatasetFolder, folders: &[impl AsRef<Path>], listing: &Ann
 
 /// The folder that the user names, and whether it has the images by the last parts of their names alone: LVIS' names begin with
 /// the folder, as in `val2017/000000317999.jpg`.
-fn named_root(folder: DatasetFolder, listing: &AnnotationListing) -> (DatasetFolder, bool) {
+///
+/// # Errors
+/// If it has them so, and two images would be one file.
+fn named_root(
+    folder: DatasetFolder,
+    listing: &AnnotationListing,
+    depth_files: &[String],
+) -> Result<(DatasetFolder, bool)> {
     let has = |of: fn(&str) -> &str| first_names(listing).any(|name| folder.has(of(name)));
-    let by_last_part = !has(|name| name) && has(last_part);
-    (folder, by_last_part)
+    if has(|name| name) || !has(last_part) {
+        return Ok((folder, false));
+    }
+    let images = listing.images.iter().map(|image| image.frame.file_name.as_str());
+    let mut names = BTreeMap::new();
+    for name in images.chain(depth_files.iter().map(String::as_str)) {
+        let other = *names.entry(last_part(name)).or_insert(name);
+        if other != name {
+            let message = format!("`{other}` and `{name}` would be one file in {}", folder.path().display());
+            let help = format!("`options.image_folder`: name the folder that contains `{other}` under this whole name");
+            return Err(Error::new(message).help(help).of_request());
+        }
+    }
+    Ok((folder, true))
 }
 
 /// The name of a file without its folders.
