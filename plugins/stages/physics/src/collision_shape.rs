@@ -8,6 +8,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use syntable_model::error::{Error, Result};
 
+fn without_shape() -> Error {
+    Error::unlucky("no collision shape can be made of its mesh").help("check its size and its faces")
+}
+
 /// Convex parts in the body frame.
 pub struct CollisionShape {
     /// Each part on its own: single colliders settle better than one compound collider.
@@ -26,18 +30,14 @@ impl CollisionShape {
         let parts: Vec<SharedShape> =
             hulls.iter().filter_map(|hull| Some(SharedShape::new(hull.polyhedron(units::PER_METER)?))).collect();
         let whole = match &parts[..] {
-            [] => {
-                return Err(
-                    Error::unlucky("no collision shape can be made of its mesh").help("check its size and its faces")
-                );
-            }
+            [] => return Err(without_shape()),
             [one] => one.clone(),
             many => SharedShape::new(Compound::new(many.iter().map(|part| (Pose::IDENTITY, part.clone())).collect())),
         };
         Ok(Self { parts, whole, deviation_m: *deviation_m, told: Arc::default() })
     }
 
-    /// The shape at another size: the hulls of the scaled parts, which need no decomposition of the mesh.
+    /// The shape at a smaller size: the hulls of the scaled parts, as thick as all hulls. Fails if a part has no hull.
     pub fn scaled(&self, factor: f32) -> Result<Self> {
         let scaled = |part: &SharedShape| {
             let points = part.as_convex_polyhedron()?.points();
@@ -45,7 +45,7 @@ impl CollisionShape {
                 points.iter().map(|point| (*point * (factor / units::PER_METER)).to_array()).collect();
             units::hull(&points)
         };
-        let hulls = self.parts.iter().filter_map(scaled).collect();
+        let hulls = self.parts.iter().map(scaled).collect::<Option<_>>().ok_or_else(without_shape)?;
         let shape = Self::new(&ConvexParts { hulls, deviation_m: self.deviation_m * factor })?;
         Ok(Self { told: Arc::clone(&self.told), ..shape })
     }

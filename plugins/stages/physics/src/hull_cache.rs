@@ -1,6 +1,8 @@
 //! Collision shapes by object: computed once, cached in memory up to a maximum number, and on disk by mesh digest.
 //!
-//! Objects that differ from their asset in size alone have the asset's shape, scaled: a mesh is decomposed once for all sizes.
+//! Objects of one asset share a decomposition within each doubling of the size: a mesh is decomposed at the next power of two times
+//! the asset's size, and the shape is made smaller from there. Bounds in meters, such as `max_deviation_m`, therefore hold at any
+//! size.
 
 use crate::collision_shape::CollisionShape;
 use crate::decompose::{ConvexParts, DECOMPOSITION_VERSION, Method, convex_parts};
@@ -15,6 +17,7 @@ use syntable_convex::{ConvexHull, HULL_VERSION};
 use syntable_model::context::{Cache, Log, Steps, Workers};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::Result;
+use syntable_model::geometry::Vector3;
 use syntable_model::scene::{Mesh, Object};
 
 /// Maximum deviation of a support that is not flat, meters: bodies lie in it.
@@ -75,7 +78,7 @@ impl HullCache {
         }
     }
 
-    /// The shapes of some objects, in their order. Their deviation from the mesh scales with the object. All workers
+    /// The shapes of some objects, in their order. All workers
     /// compute missing ones, and waiting callers see the progress.
     pub fn shapes(
         &self,
@@ -94,14 +97,15 @@ impl HullCache {
         let shape = |i: usize| {
             let (object, purpose) = objects[i];
             let (object, factor) = object.at_own_size();
+            let size = decomposed_size(factor);
             let compute = || {
                 // A caller that waited for another thread computes the shape that this thread has given up.
                 workers.check_stop();
                 let number = begun.fetch_add(1, Ordering::Relaxed) + 1;
-                Ok::<_, Infallible>(self.compute(object, purpose, cache, &|| tell(object, number)))
+                Ok::<_, Infallible>(self.compute(object, size, purpose, cache, &|| tell(object, number)))
             };
             let Ok(shape) = self.shapes.get_or_insert_with(&keys[i], compute);
-            if factor == 1.0 { shape } else { shape?.scaled(factor as f32).map(Arc::new) }
+            if factor == size { shape } else { shape?.scaled((factor / size) as f32).map(Arc::new) }
         };
         let shapes: Vec<OnceLock<Result<Arc<CollisionShape>>>> = objects.iter().map(|_| OnceLock::new()).collect();
         let mut all = || workers.run(objects.len(), &|i| _ = shapes[i].get_or_init(|| shape(i)));
@@ -113,14 +117,16 @@ impl HullCache {
         shapes.into_iter().enumerate().map(|(i, found)| found.into_inner().unwrap_or_else(|| shape(i))).collect()
     }
 
-    /// Computes a shape; calls `tell` before its mesh is decomposed.
+    /// Computes the shape of an object at `size` times its own; calls `tell` before its mesh is decomposed.
     fn compute(
         &self,
         object: &Object,
+        size: f64,
         purpose: Purpose,
         cache: &dyn Cache,
         tell: &dyn Fn(),
     ) -> Result<Arc<CollisionShape>> {
+        let object = &object.clone().transformed(Vector3::zeros(), size)?;
         let hulls: Vec<ConvexHull> = match (self.config.collision, &object.collision) {
             (Collision::Decomposition, Some(parts)) => parts.iter().filter_map(|part| units::hull(part)).collect(),
             _ => Vec::new(),
@@ -172,9 +178,16 @@ fn mesh_key(mesh: &Mesh, method: Method) -> Digest {
         .finish()
 }
 
-/// The same for all sizes of an object.
+/// The size at which an object's mesh is decomposed, as a multiple of its own: the smallest power of two that is not below `factor`.
+fn decomposed_size(factor: f64) -> f64 {
+    // The fraction is in [0.5, 1).
+    let (fraction, exponent) = libm::frexp(factor);
+    libm::ldexp(1.0, if fraction == 0.5 { exponent - 1 } else { exponent })
+}
+
+/// The same for all objects that share a shape.
 fn object_key(object: &Object, purpose: Purpose) -> Digest {
-    let (object, _) = object.at_own_size();
+    let (object, factor) = object.at_own_size();
     let bounds = object.mesh.bounds();
     bounds
         .min
@@ -183,6 +196,7 @@ fn object_key(object: &Object, purpose: Purpose) -> Digest {
         .fold(Hasher::new("collision shape").digest(object.digest), |hasher, x| hasher.number(*x))
         .number(object.mesh.data().positions.len() as f64)
         .number(f64::from(purpose as u8))
+        .number(decomposed_size(factor))
         .number(object.collision.as_ref().map_or(-1.0, |parts| parts.len() as f64))
         .finish()
 }
@@ -248,20 +262,22 @@ mod tests {
         }
     }
 
-    #[test]
-    fn all_sizes_of_an_object_share_one_decomposition() {
-        let tray = kit::object("tray", kit::tray([0.3, 0.2, 0.1], 0.02), 1.0);
-        let sizes = [1.0, 0.5, 1.7, 3.0];
+    /// The shapes of an object at some sizes, and the number of decompositions.
+    fn at_sizes(object: &Arc<Object>, sizes: &[f64]) -> (Vec<Arc<CollisionShape>>, usize) {
         let resized: Vec<Arc<Object>> =
-            sizes.iter().map(|factor| Arc::new(tray.resized(*factor).expect("sound"))).collect();
+            sizes.iter().map(|factor| Arc::new(object.resized(*factor).expect("sound"))).collect();
         let objects: Vec<(&Object, Purpose)> = resized.iter().map(|object| (&**object, Purpose::Body)).collect();
         let (shapes, disk) = (HullCache::new(&Rapier::default()), CountingCache::default());
-        let found: Vec<_> = shapes
-            .shapes(&objects, &disk, &TestWorkers, &RecordedSteps::default())
-            .into_iter()
-            .map(|s| s.expect("a shape"))
-            .collect();
-        assert_eq!(disk.0.load(Ordering::Relaxed), 1);
+        let found = shapes.shapes(&objects, &disk, &TestWorkers, &RecordedSteps::default());
+        (found.into_iter().map(|s| s.expect("a shape")).collect(), disk.0.load(Ordering::Relaxed))
+    }
+
+    #[test]
+    fn objects_share_a_decomposition_within_each_doubling_of_the_size() {
+        let tray = kit::object("tray", kit::tray([0.3, 0.2, 0.1], 0.02), 1.0);
+        let sizes = [1.0, 0.51, 0.7, 1.7, 1.01, 2.0, 3.0];
+        let (found, decompositions) = at_sizes(&tray, &sizes);
+        assert_eq!(decompositions, 3);
         let volume = |shape: &CollisionShape| {
             let hull = |part: &parry3d::shape::SharedShape| {
                 let points = part.as_convex_polyhedron().expect("convex").points();
@@ -273,12 +289,24 @@ mod tests {
         let base = volume(&found[0]);
         for (shape, factor) in found.iter().zip(sizes) {
             let want = base * factor.powi(3);
-            assert_eq!(shape.parts.len(), found[0].parts.len());
             assert!((volume(shape) / want - 1.0).abs() < 0.01, "{factor}: {} m³, not {want}", volume(shape));
-            assert!((f64::from(shape.deviation_m) - f64::from(found[0].deviation_m) * factor).abs() < 1e-6);
         }
-        // A user hears once of an asset whose shape is poor.
-        assert!(found[2].is_first_time() && !found[3].is_first_time());
+        // A user hears once of each shape that is poor.
+        assert!(found[0].is_first_time() && !found[1].is_first_time() && found[3].is_first_time());
+    }
+
+    #[test]
+    fn the_bound_of_the_deviation_holds_at_any_size() {
+        let bound = Rapier::default().max_deviation_m as f32 + units::HULL_OPTIONS.tolerance;
+        let bowl = kit::kit_objects().into_iter().find(|object| object.name == "bowl").expect("a bowl");
+        // At four times its size, the bowl needs more than the maximum number of parts.
+        let sizes = [1.0, 0.3, 0.6, 1.1, 1.5, 1.9];
+        let (found, _) = at_sizes(&bowl, &sizes);
+        // The bound decides the shape of the asset.
+        assert!(found[0].deviation_m * 1.9 > bound, "{} m", found[0].deviation_m);
+        for (shape, factor) in found.iter().zip(sizes) {
+            assert!(shape.deviation_m <= bound, "{factor}: {} m", shape.deviation_m);
+        }
     }
 
     #[test]
