@@ -54,7 +54,7 @@ impl Recipe {
     /// [`trusted`](Self::trusted).
     pub fn ready(&self, allow_libraries: bool) -> Result<()> {
         self.trusted(allow_libraries)?;
-        for component in self.components.all() {
+        for (_, component) in self.components.weights().filter(|(weight, _)| *weight > 0.0) {
             component.plan.ready()?;
             let devices = component.render.devices();
             devices.map_err(|error| error.context(component.table(Slot::Render.name())))?;

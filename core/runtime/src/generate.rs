@@ -102,7 +102,8 @@ pub fn generate(
         recipe.components.all().map(|component| SampleWork::of(recipe, component, options)).collect::<Result<_>>()?;
     let (assets, times) = (AssetStore::open(recipe, &log)?, Times::default());
     let in_flight = scenes_in_flight(recipe, options.threads, scenes.len());
-    let (sessions, stop) = (AllSessions::open(recipe, in_flight)?, options.stop.nested());
+    let sessions = AllSessions::open(recipe, scenes.clone(), in_flight)?;
+    let stop = options.stop.nested();
     let (workers, cache) = (&Stoppable { workers: &pool, stop: &stop }, &options.cache);
     let tools = Tools { recipe, assets: &assets, cache, workers, log: &log, times: &times, stop: &stop };
     let maker = SampleMaker { tools, reporter, sessions: &sessions, components, left_out: Mutex::default() };

@@ -3,19 +3,21 @@
 use crate::run::making::recovery::Recovery;
 use crate::run::panics::caught;
 use parking_lot::{Condvar, Mutex};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use syntable_model::error::Result;
 use syntable_model::stage::{RenderSession, Renderer};
 use syntable_recipe::{Component, Recipe};
 
-/// One session per scene in flight, but at most one per device.
+/// The sessions of a renderer: one per scene in flight, but at most one per device. Another renderer of the mixture has
+/// sessions of its own, also on the same devices.
 pub struct Sessions<'a> {
     renderer: &'a dyn Renderer,
     free: Mutex<Vec<SessionSlot>>,
     returned: Condvar,
 }
 
-/// A device of the renderer, with its session unless that failed.
+/// A device of the renderer, with its session if that is open.
 struct SessionSlot {
     index: usize,
     session: Option<Box<dyn RenderSession>>,
@@ -29,35 +31,49 @@ pub fn scenes_in_flight(recipe: &Recipe, threads: usize, scenes: usize) -> usize
     threads.max(least).min(scenes).max(1)
 }
 
-/// The sessions of all renderers of a recipe.
+/// The sessions of the renderers that make some scenes.
 pub struct AllSessions<'a>(Vec<(&'a Arc<dyn Renderer>, Sessions<'a>)>);
 
 impl<'a> AllSessions<'a> {
-    /// Opens the sessions of each renderer for a number of scenes in flight.
-    pub fn open(recipe: &'a Recipe, in_flight: usize) -> Result<Self> {
-        let mut all: Vec<(&Arc<dyn Renderer>, Sessions)> = Vec::new();
-        for Component { render, .. } in recipe.components.all() {
-            if !all.iter().any(|(other, _)| Arc::ptr_eq(other, render)) {
-                all.push((render, Sessions::open(&**render, in_flight)?));
+    /// The sessions of each renderer that makes one of the scenes, for a number of scenes in flight. An only renderer opens its
+    /// sessions at once, so that a device that fails ends the run before the first scene. Several renderers open theirs when
+    /// scenes need them.
+    pub fn open(recipe: &'a Recipe, scenes: impl Iterator<Item = u32>, in_flight: usize) -> Result<Self> {
+        let used: BTreeSet<usize> = scenes.map(|scene| recipe.component_of(scene).0).collect();
+        let mut renderers: Vec<&Arc<dyn Renderer>> = Vec::new();
+        for (_, Component { render, .. }) in recipe.components.all().enumerate().filter(|(at, _)| used.contains(at)) {
+            if !renderers.iter().any(|other| Arc::ptr_eq(other, render)) {
+                renderers.push(render);
             }
         }
-        Ok(Self(all))
+        if let [only] = renderers[..] {
+            return Ok(Self(vec![(only, Sessions::open(&**only, in_flight)?)]));
+        }
+        Ok(Self(renderers.into_iter().map(|render| (render, Sessions::closed(&**render, in_flight))).collect()))
     }
 
     /// The sessions of the renderer of a component.
     pub fn of(&self, component: &Component) -> &Sessions<'a> {
         let own = self.0.iter().find(|(renderer, _)| Arc::ptr_eq(renderer, &component.render));
-        &own.expect("every renderer of the recipe has sessions").1
+        &own.expect("every renderer that makes a scene has sessions").1
     }
 }
 
 impl<'a> Sessions<'a> {
     /// Opens the sessions for a number of scenes in flight.
     pub fn open(renderer: &'a dyn Renderer, in_flight: usize) -> Result<Self> {
+        let mut sessions = Self::closed(renderer, in_flight);
+        for SessionSlot { index, session } in sessions.free.get_mut() {
+            *session = Some(open(renderer, *index)?);
+        }
+        Ok(sessions)
+    }
+
+    /// Sessions for a number of scenes in flight. Each is opened for its first scene.
+    pub fn closed(renderer: &'a dyn Renderer, in_flight: usize) -> Self {
         let count = renderer.max_sessions().map_or(in_flight, |max| in_flight.min(max.max(1)));
-        let open = |index| Ok(SessionSlot { index, session: Some(open(renderer, index)?) });
-        let free = (0..count).map(open).collect::<Result<_>>()?;
-        Ok(Self { renderer, free: Mutex::new(free), returned: Condvar::new() })
+        let free = (0..count).map(|index| SessionSlot { index, session: None }).collect();
+        Self { renderer, free: Mutex::new(free), returned: Condvar::new() }
     }
 
     /// Waits for a session and lends it to `work`. A session that fails is closed, and opened again for the next scene.
