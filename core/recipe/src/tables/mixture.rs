@@ -60,6 +60,9 @@ impl Loader<'_, '_> {
             return vec![ComponentTree::only(tree)];
         }
         diagnostics.extend(beside(&tree));
+        let (shared, lines): (Vec<_>, Vec<_>) =
+            lines.into_iter().partition(|(_, line)| of_mixture(line.path).is_some());
+        diagnostics.extend(shared.iter().filter_map(|(_, line)| shared_override(line)));
         let of = |id: &str| lines.iter().filter(|(other, _)| *other == id).map(|(_, line)| *line).collect();
         let components: Vec<ComponentTree> = components
             .into_iter()
@@ -100,6 +103,7 @@ impl Loader<'_, '_> {
             return None;
         };
         diagnostics.extend(take_foreign(&mut own));
+        diagnostics.extend(take_shared_sets(&mut own));
         let weight = own.remove(WEIGHT).map_or(Some(1.0), |weight| weight_of(&weight, diagnostics));
         let before = diagnostics.len();
         let graph = gather_component((&header, own), lines, self.overrides, (self.sources, self.schemas), diagnostics);
@@ -182,4 +186,35 @@ fn take_foreign(own: &mut DeTable) -> Vec<DiagnosticBuilder> {
         diagnostic.help(format!("its keys are {}", listing(known())))
     };
     unknown.into_iter().map(diagnostic).collect()
+}
+
+/// The section that a path leads into, if the mixture has it instead of its components.
+fn of_mixture(path: &str) -> Option<&'static str> {
+    let section = path.split(['.', '[']).next()?;
+    OF_MIXTURE.into_iter().find(|other| *other == section)
+}
+
+/// Refuses `--set` of a section that a component does not have.
+fn shared_override(line: &Override) -> Option<DiagnosticBuilder> {
+    let (section, path) = (of_mixture(line.path)?, line.path);
+    Some(not_in_component(section, line.path_at..line.path_at + path.len()).help(format!("use `--set {path}`")))
+}
+
+/// Removes and refuses paths in `[set]` of a component that lead into sections that it does not have.
+fn take_shared_sets(own: &mut DeTable) -> Vec<DiagnosticBuilder> {
+    let Some(DeValue::Table(sets)) = own.get_mut("set").map(Spanned::get_mut) else { return Vec::new() };
+    let shared =
+        sets.keys().filter_map(|key| Some((key.get_ref().to_string(), key.span(), of_mixture(key.get_ref())?)));
+    let shared: Vec<(String, Span, &str)> = shared.collect();
+    let diagnostic = |(path, span, section): (String, Span, &str)| {
+        sets.remove(path.as_str());
+        not_in_component(section, span)
+            .help(format!("write `{path}` under [set] of the recipe, outside of `{MIXTURE}`"))
+    };
+    shared.into_iter().map(diagnostic).collect()
+}
+
+fn not_in_component(section: &str, span: Span) -> DiagnosticBuilder {
+    let message = format!("a component of a mixture has no `{section}`");
+    DiagnosticBuilder::error(Code::BadOverride, span, message).label(format!("`{section}` belongs to the mixture"))
 }
