@@ -6,21 +6,24 @@ use crate::plan::of_tables::plan;
 use crate::plan::{Implied, Plan};
 use crate::recipe::Recipe;
 use crate::resolved::{self, ResolvedComponent, ResolvedStage};
+use crate::shared_pools::{SharedPool, SharedPools};
+use crate::tables::alternatives::SHARED;
 use crate::tables::dataset::{Dataset, DatasetTable, Lock, LockTable};
 use crate::tables::loader::Loader;
 use crate::tables::mixture::ComponentTree;
 use crate::tables::noise;
 use crate::tables::placers;
-use crate::tables::pool::{Pool, PoolOptions};
+use crate::tables::pool::Pool;
 use crate::tables::rig::Rig;
 use crate::tables::stages::{Built, BuiltStage};
 use crate::text::diagnostic::DiagnosticBuilder;
-use crate::text::source::{NOWHERE, Span};
+use crate::text::origin::PREFIX;
+use crate::text::source::{NOWHERE, SET, Sources, Span};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::Arc;
 use syntable_model::registry::{Slot, Stage};
-use syntable_model::stage::{AssetSource, Placer, Renderer, Scenes, Writer};
+use syntable_model::stage::{CameraModel, LightSampler, Placer, Renderer, Scenes, Settler, ViewSampler, Writer};
 
 /// A component whose stages were built and planned.
 pub(crate) struct BuiltComponent<'r> {
@@ -42,15 +45,24 @@ impl<'r> BuiltComponent<'r> {
     ) -> Vec<Self> {
         let built: Vec<(Self, Vec<DiagnosticBuilder>)> =
             components.into_iter().map(|component| Self::of(loader, component)).collect();
-        // A mistake that all components have is about what they share, such as a writer.
-        let is_of_all = |one: &DiagnosticBuilder| built.iter().all(|(_, all)| all.contains(one));
+        // A mistake at the same place in every component is about a part that all share, such as a writer.
+        let is_of_all = |one: &DiagnosticBuilder| {
+            built.len() > 1 && *one.span() != NOWHERE && built.iter().all(|(_, all)| all.contains(one))
+        };
         let mut of_components = Vec::new();
         for (index, (Self { id, header, .. }, own)) in built.iter().enumerate() {
+            let of = |diagnostic: &DiagnosticBuilder, id: &str| in_mixture(diagnostic, id, header, loader.sources);
             for diagnostic in own {
-                if !is_of_all(diagnostic) || id.is_empty() {
-                    of_components.push(of_component(diagnostic.clone(), id, header));
-                } else if index == 0 {
+                if id.is_empty() {
                     of_components.push(diagnostic.clone());
+                } else if !is_of_all(diagnostic) {
+                    let mut diagnostic = of(diagnostic, id);
+                    diagnostic.name_component(id);
+                    of_components.push(diagnostic);
+                } else if index == 0 {
+                    let is_in_recipe = loader.sources.is_same_file(diagnostic.span(), header);
+                    let diagnostic = of(diagnostic, "<id>");
+                    of_components.push(if is_in_recipe { diagnostic } else { diagnostic.help(IN_ALL) });
                 }
             }
         }
@@ -80,32 +92,36 @@ impl<'r> BuiltComponent<'r> {
     }
 }
 
-/// A diagnostic about one component. A missing section is missing at the component's table.
-fn of_component(mut diagnostic: DiagnosticBuilder, id: &str, header: &Span) -> DiagnosticBuilder {
+/// A diagnostic about a component whose table is at `header`. A missing section is missing there. Remedies name the tables
+/// of the component, unless the mistake is in a recipe of the user that the component extends.
+fn in_mixture(diagnostic: &DiagnosticBuilder, id: &str, header: &Span, sources: &Sources) -> DiagnosticBuilder {
+    let mut diagnostic = diagnostic.clone();
     if diagnostic.marks[0].0 == NOWHERE {
         diagnostic.marks[0].0 = header.clone();
     }
-    diagnostic.name_component(id);
+    let is_fixed = |name: &str| name == SET || name.starts_with(PREFIX);
+    let found = sources.file_of(diagnostic.span());
+    if !sources.is_same_file(diagnostic.span(), header) && !found.is_some_and(|file| is_fixed(file.name())) {
+        return diagnostic;
+    }
+    for text in diagnostic.help.iter_mut().chain(diagnostic.marks.iter_mut().map(|(_, label)| label)) {
+        for slot in Slot::ALL.into_iter().filter(|slot| *slot != SHARED) {
+            let (own, name) = (table(id, slot.name()), slot.name());
+            for end in ["]", "."] {
+                *text = text.replace(&format!("[{name}{end}"), &format!("[{own}{end}"));
+            }
+        }
+    }
     diagnostic
 }
 
-/// The pool of a source of assets that was built.
-pub(crate) fn pool(
-    component: &str,
-    stage: &BuiltStage,
-    mut source: Box<dyn AssetSource>,
-    options: &mut BTreeMap<String, PoolOptions>,
-) -> Option<Pool> {
-    let options = options.remove(&stage.id)?;
-    source.limit(options.limits);
-    let table = table(component, &Slot::Assets.stage_name(&stage.id));
-    Some(Pool { kind: stage.entry.kind.to_owned(), table, source, options })
-}
+/// A note on a mistake in a recipe that all components extend.
+const IN_ALL: &str = "found in all components of the mixture";
 
 /// The pools, renderers, writers and files that the components of a recipe share.
 #[derive(Default)]
 struct Shared {
-    pools: Vec<SharedPool>,
+    pools: SharedPools,
     renderers: Vec<(Described, Arc<dyn Renderer>)>,
     write: Vec<(String, Box<dyn Writer<Scenes>>)>,
     files: Vec<(String, PathBuf)>,
@@ -116,14 +132,6 @@ struct Shared {
 
 /// The kind and the options of a stage.
 type Described = (&'static str, toml::Table);
-
-/// A pool, and the components that describe it alike.
-struct SharedPool {
-    id: String,
-    described: Described,
-    components: Vec<usize>,
-    pool: Pool,
-}
 
 /// The recipe of some components: at least one, and all without mistakes.
 pub(crate) fn assemble(dataset: DatasetTable, built: Vec<BuiltComponent>, lock: LockTable) -> Option<Recipe> {
@@ -144,7 +152,7 @@ pub(crate) fn assemble(dataset: DatasetTable, built: Vec<BuiltComponent>, lock: 
     let mut seen = BTreeSet::new();
     files.retain(|(option, _)| seen.insert(option.clone()));
     write.sort_by(|(a, _), (b, _)| a.cmp(b));
-    let assets = named(pools, &mut components);
+    let assets = assets(pools, &mut components);
     Some(Recipe {
         resolved: resolved::write(&dataset_options, &resolved, &lock),
         dataset: Dataset {
@@ -168,13 +176,10 @@ pub(crate) fn assemble(dataset: DatasetTable, built: Vec<BuiltComponent>, lock: 
     })
 }
 
-/// Gives each pool its name in the recipe. Pools of the same id that differ get the name of a component, too.
-fn named(pools: Vec<SharedPool>, components: &mut [(f64, Box<Component>)]) -> BTreeMap<String, Pool> {
+/// The pools by name. Tells components the names of their pools.
+fn assets(pools: SharedPools, components: &mut [(f64, Box<Component>)]) -> BTreeMap<String, Pool> {
     let mut all = BTreeMap::new();
-    let ids: Vec<String> = pools.iter().map(|pool| pool.id.clone()).collect();
-    for SharedPool { id, components: users, pool, .. } in pools {
-        let is_only = ids.iter().filter(|other| **other == id).count() == 1;
-        let name = if is_only { id.clone() } else { format!("{}.{id}", components[users[0]].1.id) };
+    for (name, SharedPool { id, users, pool, .. }) in pools.named() {
         for user in users {
             let component = &mut components[user].1;
             if component.labeled_pools.remove(&id) {
@@ -191,96 +196,53 @@ impl Shared {
     /// The component with this index, and its stages for the resolved recipe.
     fn component(&mut self, index: usize, component: BuiltComponent) -> Option<(Component, Vec<ResolvedStage>)> {
         let BuiltComponent { id, built, plan, .. } = component;
-        let plan = plan?;
-        let (mut place, mut lights, mut labeled_pools) = (Vec::new(), Vec::new(), BTreeSet::new());
-        let (mut settle, mut camera, mut views, mut render, mut resolution) = (None, None, None, None, None);
+        let (plan, rig) = (plan?, Rig::of(&built.views.rig).ok()?);
         // A resolved recipe names the stages that run with their defaults, too.
-        let mut stages: Vec<ResolvedStage> = plan.implied.iter().map(implied).collect();
-        let mut pools = built.pools;
-        let rig = Rig::of(&built.views.rig).ok()?;
-        let is_shared = |option: &str| option.starts_with(&Slot::Write.stage_name(""));
-        self.files.extend(built.files.into_iter().map(|(option, path)| {
-            let option = if is_shared(&option) { option } else { table(&id, &option) };
-            (option, path)
-        }));
-        self.choices.extend(built.choices);
-        self.undecided.extend(built.undecided.iter().map(|stage| table(&id, stage)));
-        self.libraries.extend(built.libraries);
+        let mut resolved: Vec<ResolvedStage> = plan.implied.iter().map(implied).collect();
+        self.add_notes(&id, &built);
+        let (mut stages, mut pools) = (SceneStages::default(), built.pools);
         for mut stage in built.stages {
-            let plugin = |stage: &BuiltStage| (stage.entry.crate_name, stage.entry.crate_version);
-            let plugins = stage.all().map(plugin).collect();
-            let kind = stage.alternatives.is_empty().then_some(stage.entry.kind);
-            let described = (stage.entry.kind, stage.options.clone());
-            match stage.slot {
-                Slot::Place => {
-                    let placers = alternatives(&mut stage, |stage| match stage {
-                        Stage::Place(placer) => Some(placer),
-                        _ => None,
-                    })?;
-                    if placers.all().any(Placer::places_objects) {
-                        labeled_pools.append(&mut stage.object_pools);
-                    }
-                    place.push((stage.id.clone(), placers));
-                }
-                Slot::Settle => {
-                    settle = alternatives(&mut stage, |stage| match stage {
-                        Stage::Settle(settler) => Some(settler),
-                        _ => None,
-                    });
-                }
-                Slot::Lights => {
-                    let samplers = alternatives(&mut stage, |stage| match stage {
-                        Stage::Lights(sampler) => Some(sampler),
-                        _ => None,
-                    })?;
-                    lights.push((stage.id.clone(), samplers));
-                }
-                Slot::Camera => {
-                    resolution = stage.options.get("resolution").cloned().and_then(|value| value.try_into().ok());
-                }
-                _ => {}
-            }
+            resolved.push(resolved_stage(&stage));
+            stages.take(&mut stage)?;
             match stage.stage.take() {
-                Some(Stage::Assets(source)) => {
-                    let pool = pool(&id, &stage, source, &mut pools)?;
-                    self.add_pool(index, &stage.id, described, pool);
+                Some(Stage::Assets(source)) => self.pools.add((index, &id), &stage, source, &mut pools)?,
+                Some(Stage::Render(renderer)) => {
+                    stages.render = Some(self.renderer((stage.entry.kind, stage.options), renderer));
                 }
-                Some(Stage::Camera(model)) => camera = Some(model),
-                Some(Stage::Views(sampler)) => views = Some(sampler),
-                Some(Stage::Lights(sampler)) => lights.push((stage.id.clone(), OneOf::only(sampler))),
-                Some(Stage::Render(renderer)) => render = Some(self.renderer(described, renderer)),
-                Some(Stage::WriteScenes(writer)) if index == 0 => self.write.push((stage.id.clone(), writer)),
+                Some(Stage::WriteScenes(writer)) if index == 0 => self.write.push((stage.id, writer)),
                 // Producers are in the plan.
                 _ => {}
             }
-            stages.push(ResolvedStage { slot: stage.slot, id: stage.id, kind, options: stage.options, plugins });
         }
         let component = Component {
             id,
             pools: BTreeMap::new(),
-            place,
-            settle: settle?,
-            camera: camera?,
-            resolution,
-            views: views?,
+            place: stages.place,
+            settle: stages.settle?,
+            camera: stages.camera?,
+            resolution: stages.resolution,
+            views: stages.views?,
             conditions: built.views.conditions,
             rig,
-            lights,
-            render: render?,
+            lights: stages.lights,
+            render: stages.render?,
             plan,
             draws: built.draws,
-            labeled_pools,
+            labeled_pools: stages.labeled_pools,
         };
-        Some((component, stages))
+        Some((component, resolved))
     }
 
-    /// Adds a pool of a component, unless an earlier component describes the same pool.
-    fn add_pool(&mut self, component: usize, id: &str, described: Described, pool: Pool) {
-        let is_same = |other: &&mut SharedPool| other.id == id && other.described == described;
-        match self.pools.iter_mut().find(is_same) {
-            Some(same) => same.components.push(component),
-            None => self.pools.push(SharedPool { id: id.to_owned(), described, components: vec![component], pool }),
-        }
+    /// Adds the files, the libraries and the chosen kinds of a component.
+    fn add_notes(&mut self, component: &str, built: &Built) {
+        let is_shared = |option: &str| option.starts_with(&SHARED.stage_name(""));
+        self.files.extend(built.files.iter().map(|(option, path)| {
+            let option = if is_shared(option) { option.clone() } else { table(component, option) };
+            (option, path.clone())
+        }));
+        self.choices.extend_from_slice(&built.choices);
+        self.undecided.extend(built.undecided.iter().map(|stage| table(component, stage)));
+        self.libraries.extend_from_slice(&built.libraries);
     }
 
     /// The renderer of a component, or the renderer of an earlier component that describes it alike.
@@ -291,6 +253,77 @@ impl Shared {
         let renderer: Arc<dyn Renderer> = renderer.into();
         self.renderers.push((described, Arc::clone(&renderer)));
         renderer
+    }
+}
+
+/// The stages of a component that make its scenes.
+#[derive(Default)]
+struct SceneStages {
+    place: Vec<(String, OneOf<dyn Placer>)>,
+    settle: Option<OneOf<dyn Settler>>,
+    camera: Option<Box<dyn CameraModel>>,
+    resolution: Option<[u32; 2]>,
+    views: Option<Box<dyn ViewSampler>>,
+    lights: Vec<(String, OneOf<dyn LightSampler>)>,
+    render: Option<Arc<dyn Renderer>>,
+    labeled_pools: BTreeSet<String>,
+}
+
+impl SceneStages {
+    /// Takes a stage out of its table if only this component has it.
+    fn take(&mut self, stage: &mut BuiltStage) -> Option<()> {
+        match stage.slot {
+            Slot::Place => {
+                let placers = alternatives(stage, |stage| match stage {
+                    Stage::Place(placer) => Some(placer),
+                    _ => None,
+                })?;
+                if placers.all().any(Placer::places_objects) {
+                    self.labeled_pools.append(&mut stage.object_pools);
+                }
+                self.place.push((stage.id.clone(), placers));
+            }
+            Slot::Settle => {
+                self.settle = alternatives(stage, |stage| match stage {
+                    Stage::Settle(settler) => Some(settler),
+                    _ => None,
+                });
+            }
+            Slot::Lights => {
+                let samplers = alternatives(stage, |stage| match stage {
+                    Stage::Lights(sampler) => Some(sampler),
+                    _ => None,
+                })?;
+                self.lights.push((stage.id.clone(), samplers));
+            }
+            Slot::Camera => {
+                self.resolution = stage.options.get("resolution").cloned().and_then(|value| value.try_into().ok());
+                self.camera = match stage.stage.take() {
+                    Some(Stage::Camera(model)) => Some(model),
+                    _ => None,
+                };
+            }
+            Slot::Views => {
+                self.views = match stage.stage.take() {
+                    Some(Stage::Views(sampler)) => Some(sampler),
+                    _ => None,
+                };
+            }
+            _ => {}
+        }
+        Some(())
+    }
+}
+
+/// A stage of the resolved recipe.
+fn resolved_stage(stage: &BuiltStage) -> ResolvedStage {
+    let plugin = |stage: &BuiltStage| (stage.entry.crate_name, stage.entry.crate_version);
+    ResolvedStage {
+        slot: stage.slot,
+        id: stage.id.clone(),
+        kind: stage.alternatives.is_empty().then_some(stage.entry.kind),
+        options: stage.options.clone(),
+        plugins: stage.all().map(plugin).collect(),
     }
 }
 

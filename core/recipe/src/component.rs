@@ -8,6 +8,7 @@ use crate::tables::references::Draw;
 use crate::tables::rig::Rig;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use syntable_model::registry::Slot;
 use syntable_model::stage::{CameraModel, LightSampler, Placer, Renderer, Settler, ViewSampler};
 
 /// The stages that make a scene and its products.
@@ -54,6 +55,29 @@ impl Component {
 /// The table of a stage of a component in the recipe.
 pub(crate) fn table(component: &str, stage: &str) -> String {
     if component.is_empty() { stage.to_owned() } else { format!("{MIXTURE}.{component}.{stage}") }
+}
+
+/// The component in a key of a recipe, and the component's own key: `tables` and `sensor.rgb` in
+/// `mixture.tables.sensor.rgb`. A key outside of components has an empty component.
+pub fn split_key(key: &str) -> (&str, &str) {
+    let in_mixture = || key.strip_prefix(MIXTURE)?.strip_prefix('.')?.split_once('.');
+    in_mixture().unwrap_or(("", key))
+}
+
+/// Name in the recipe of a component's pool that differs from the pools of other components with the same id.
+pub fn pool_name(component: &str, id: &str) -> String {
+    if component.is_empty() { id.to_owned() } else { format!("{component}.{id}") }
+}
+
+/// The component and the id in the name of a pool. The component is empty if all components with this id share the pool.
+pub fn split_pool_name(name: &str) -> (&str, &str) {
+    name.split_once('.').unwrap_or(("", name))
+}
+
+/// The table of a pool, given its name in the recipe: `assets.objects`, or `mixture.tables.assets.objects`.
+pub fn pool_table(name: &str) -> String {
+    let (component, id) = split_pool_name(name);
+    table(component, &Slot::Assets.stage_name(id))
 }
 
 /// The components in the table of a resolved recipe, by name; the recipe itself, without a name, if it is no mixture.

@@ -32,11 +32,12 @@ mod recipe;
 mod request;
 mod resolved;
 mod schema;
+mod shared_pools;
 mod tables;
 mod text;
 mod writer_paths;
 
-pub use component::{Component, components_of};
+pub use component::{Component, components_of, pool_name, pool_table, split_key, split_pool_name};
 pub use load::{Checked, checked, load};
 pub use merge::overrides::Overrides;
 pub use one_of::{Chosen, OneOf};

@@ -1,7 +1,7 @@
 //! Loads a recipe: reads all texts, builds all tables, reports all mistakes.
 
 use crate::agreement;
-use crate::assemble::{BuiltComponent, assemble, pool};
+use crate::assemble::{BuiltComponent, assemble};
 use crate::merge::graph::{self, Damage};
 use crate::merge::overrides::Overrides;
 use crate::merge::renamed::{RENAMED, RenamedNames};
@@ -10,6 +10,7 @@ use crate::plan::Plan;
 use crate::plan::of_tables::part;
 use crate::recipe::Recipe;
 use crate::schema::kinds::Schemas;
+use crate::shared_pools::{SharedPool, SharedPools};
 use crate::tables::dataset::{DatasetTable, LockTable};
 use crate::tables::loader::Loader;
 use crate::tables::pool::Pool;
@@ -141,23 +142,19 @@ impl<'r> ReadRecipe<'r> {
         }
     }
 
-    /// The pools that could be built, by their tables without the section `assets` of a recipe.
+    /// The pools that could be built, by their names in the recipe.
     fn pools(self) -> BTreeMap<String, Pool> {
-        let pools = self.components.into_iter().flat_map(|component| {
-            let BuiltComponent { id: component, built, .. } = component;
+        let mut pools = SharedPools::default();
+        for (index, component) in self.components.into_iter().enumerate() {
+            let BuiltComponent { id, built, .. } = component;
             let Built { stages, pools: mut options, .. } = built;
-            let found = stages.into_iter().filter(|stage| stage.found);
-            let pools = found.filter_map(move |mut stage| match stage.stage.take() {
-                Some(Stage::Assets(source)) => {
-                    let id = stage.id.clone();
-                    let name = if component.is_empty() { id.clone() } else { format!("{component}.{id}") };
-                    pool(&component, &stage, source, &mut options).map(|pool| (name, pool))
+            for mut stage in stages.into_iter().filter(|stage| stage.found) {
+                if let Some(Stage::Assets(source)) = stage.stage.take() {
+                    pools.add((index, &id), &stage, source, &mut options);
                 }
-                _ => None,
-            });
-            pools.collect::<Vec<_>>()
-        });
-        pools.collect()
+            }
+        }
+        pools.named().into_iter().map(|(name, SharedPool { pool, .. })| (name, pool)).collect()
     }
 
     /// Reports what the built stages lack, and paths of files that clash.

@@ -184,3 +184,43 @@ fn paths_of_components_count_from_their_own_files() {
         assert!(recipe.resolved.contains(root), "{root} is not in\n{}", recipe.resolved);
     }
 }
+
+#[test]
+fn sections_of_the_mixture_cannot_be_set_in_a_component() {
+    for path in ["write.png.include", "dataset.seed"] {
+        let set = format!("mixture.bins.{path}");
+        let report = load_files(MIXED, &bins(), &[(&set, "1")]).err().unwrap_or_else(|| panic!("{path}"));
+        let codes: Vec<Code> = report.iter().map(|found| found.code).collect();
+        assert_eq!(codes, [Code::BadOverride], "{report}");
+        assert!(report.to_string().contains(&format!("use `--set {path}`")), "{report}");
+    }
+    for line in ["\"write.png.include\" = []", "write.png.include = []"] {
+        let report = load_files(&format!("{MIXED}[mixture.bins.set]\n{line}\n"), &bins(), &[]).err().expect("refused");
+        let codes: Vec<Code> = report.iter().map(|found| found.code).collect();
+        assert_eq!(codes, [Code::BadOverride], "{report}");
+        assert!(report.to_string().contains("`write` belongs to the mixture"), "{report}");
+    }
+}
+
+#[test]
+fn remedies_name_tables_of_the_component_or_of_its_file() {
+    let report = |text: &str, bins: &str| load_files(text, bins, &[]).err().expect("refused").to_string();
+    // Sections that are missing everywhere are missing in each component.
+    let empty =
+        "[dataset]\nscenes = 1\nviews_per_scene = 1\n[mixture.a]\n[mixture.b]\n[write.png]\ninclude = [\"rgb\"]\n";
+    let found = report(empty, "");
+    for id in ["a", "b"] {
+        assert!(found.contains(&format!("[[mixture.{id}.place]]")), "{found}");
+        assert!(found.contains(&format!("found in the component `{id}`")), "{found}");
+    }
+    assert!(!found.contains("add [[place]]"), "{found}");
+    // The only component is named, too.
+    let only =
+        report("[dataset]\nscenes = 1\nviews_per_scene = 1\n[mixture.a]\n[write.png]\ninclude = [\"rgb\"]\n", "");
+    assert!(only.contains("found in the component `a`") && only.contains("[[mixture.a.place]]"), "{only}");
+    // A mistake in another file is mended there.
+    let (start, end) = (TABLES.find("[assets.objects]").expect("there"), TABLES.find("[[place]]").expect("there"));
+    let without_pools = format!("{}{}", &TABLES[..start], &TABLES[end..]);
+    let elsewhere = report(MIXED, &without_pools);
+    assert!(elsewhere.contains("add [assets.") && !elsewhere.contains("mixture.bins.assets"), "{elsewhere}");
+}

@@ -75,6 +75,15 @@ pub(crate) struct Built<'r> {
 }
 
 impl Built<'_> {
+    /// Keeps the options of a stage that all kinds of its slot share.
+    fn add_shared(&mut self, id: &str, options: SharedOptions) {
+        match options {
+            SharedOptions::Pool(pool) => drop(self.pools.insert(id.to_owned(), *pool)),
+            SharedOptions::Views(views) => self.views = views,
+            SharedOptions::None => {}
+        }
+    }
+
     /// Keeps the files that the options of a stage name, and writes paths into the options in portable form.
     fn add_paths(&mut self, given: &StageTable, paths: &[(Vec<Step>, variables::Resolved)], options: &mut toml::Table) {
         for (steps, path) in paths {
@@ -135,17 +144,7 @@ impl<'r> Loader<'_, 'r> {
         };
         let Some(entry) = self.chosen(entry, &given, built, diagnostics) else { return false };
         let Some(kind) = self.schemas.kind(given.slot, entry.kind) else { return false };
-        let mut checked = self.checked(entry, kind, &given);
-        if !checked.renamed.is_empty() {
-            let (told, _): (Vec<_>, Vec<_>) =
-                std::mem::take(&mut checked.diagnostics).into_iter().partition(|it| it.code == Code::Renamed);
-            diagnostics.extend(told);
-            checked.renamed.iter().for_each(|(old, new)| rename(&mut given.table, old, new));
-            checked = self.checked(entry, kind, &given);
-        }
-        let valid = checked.diagnostics.is_empty();
-        diagnostics
-            .extend(checked.diagnostics.into_iter().map(|diagnostic| self.of_another_kind(diagnostic, &given, kind)));
+        let (checked, valid) = self.reported(entry, kind, &mut given, diagnostics);
         let in_recipe: Vec<(Vec<Step>, String)> =
             checked.references.iter().map(|reference| (reference.path.clone(), reference.text.clone())).collect();
         let mut references = self.references(checked.references, &mut given, names, diagnostics);
@@ -166,11 +165,7 @@ impl<'r> Loader<'_, 'r> {
         let Some((Constructed { stage, mut options }, shared)) = constructed else { return false };
         let of_kind = |name: &str| kind.options["properties"].get(name).is_some();
         options.extend(shared.table().into_iter().filter(|(name, _)| of_kind(name)));
-        match shared {
-            SharedOptions::Pool(pool) => drop(built.pools.insert(given.id.clone(), *pool)),
-            SharedOptions::Views(views) => built.views = views,
-            SharedOptions::None => {}
-        }
+        built.add_shared(&given.id, shared);
         built.draws.extend(self.draws(&given, entry, &options, &kind.options));
         self.add_defaults((entry, kind), &options, &in_recipe, &given.header, (&mut references, names));
         built.add_paths(&given, &references.paths, &mut options);
@@ -191,6 +186,26 @@ impl<'r> Loader<'_, 'r> {
             alternatives: Vec::new(),
         });
         true
+    }
+
+    /// Validates the options of a table under their present names, and reports mistakes. Returns whether the options are valid.
+    fn reported(
+        &self,
+        entry: &Entry,
+        kind: &KindSchema,
+        given: &mut StageTable,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) -> (check::Checked, bool) {
+        let mut checked = self.checked(entry, kind, given);
+        if !checked.renamed.is_empty() {
+            diagnostics.extend(checked.diagnostics.into_iter().filter(|found| found.code == Code::Renamed));
+            checked.renamed.iter().for_each(|(old, new)| rename(&mut given.table, old, new));
+            checked = self.checked(entry, kind, given);
+        }
+        let found = std::mem::take(&mut checked.diagnostics);
+        let valid = found.is_empty();
+        diagnostics.extend(found.into_iter().map(|diagnostic| self.of_another_kind(diagnostic, given, kind)));
+        (checked, valid)
     }
 
     /// Validates the options of a table against the schema of its kind.

@@ -96,6 +96,12 @@ impl Sources {
         self.files.iter().find(|file| file.span().start <= span.start && span.start <= file.span().end)
     }
 
+    /// Whether two spans belong to the same file.
+    pub fn is_same_file(&self, one: &Span, other: &Span) -> bool {
+        let start = |span: &Span| self.file_of(span).map(|file| file.start());
+        start(one) == start(other)
+    }
+
     /// Returns the text of a span.
     #[cfg(test)]
     pub fn text_of(&self, span: &Span) -> &str {

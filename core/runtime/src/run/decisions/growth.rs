@@ -7,7 +7,7 @@ use syntable_model::registry::{Shape, Slot};
 use syntable_model::stage::{Scenes, Writer};
 use syntable_model::words::{and_more, first_of};
 use syntable_recipe::plan::{Plan, Provider};
-use syntable_recipe::{Recipe, without_lock};
+use syntable_recipe::{Recipe, split_key, without_lock};
 
 /// Growth of a dataset.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -179,32 +179,25 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe, rewrite: bool) -> Resu
 /// Whether files can be written again after a change of this table: it is the table of a writer, or of an annotator
 /// that only writers may read.
 fn may_change(table: &str) -> bool {
-    let (_, table) = of_component(table);
+    let (_, table) = split_key(table);
     [Slot::Write, Slot::Annotate]
         .iter()
         .any(|slot| table.strip_prefix(slot.name()).is_some_and(|id| id.starts_with('.')))
 }
 
-/// Splits the key of a component of a mixture, such as `mixture.tables.sensor.rgb`, before the component's own key.
-fn of_component(key: &str) -> (&str, &str) {
-    let own = || key.strip_prefix("mixture.")?.split_once('.').map(|(_, own)| own);
-    let own = own().unwrap_or(key);
-    (&key[..key.len() - own.len()], own)
-}
-
 /// The table of a stage that has an id, such as `write.png`.
 fn keyed_table(key: &str) -> Option<&str> {
-    let (component, own) = of_component(key);
+    let (_, own) = split_key(key);
     let mut dots = own.match_indices('.').map(|(at, _)| at);
     let slot = &own[..dots.next()?];
     let end = dots.next().unwrap_or(own.len());
     let keyed = Slot::ALL.into_iter().any(|known| known.name() == slot && known.shape() == Shape::Keyed);
-    keyed.then(|| &key[..component.len() + end])
+    keyed.then(|| &key[..key.len() - own.len() + end])
 }
 
 /// The table of a stage that provides or writes products.
 fn table_of(key: &str) -> Option<&str> {
-    keyed_table(key).filter(|table| !of_component(table).1.starts_with(Slot::Assets.name()))
+    keyed_table(key).filter(|table| !split_key(table).1.starts_with(Slot::Assets.name()))
 }
 
 /// Whether a key is an option of a writer that only the end of a run reads.

@@ -14,7 +14,7 @@ use syntable_model::product::{PerInstance, Value};
 use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::stage::RESERVED;
-use syntable_recipe::components_of;
+use syntable_recipe::{components_of, pool_name, split_pool_name};
 use syntable_runtime::run::dataset::journal::{Journal, JournalEntry};
 use syntable_runtime::run::dataset::layout::{journal_path, times_path};
 use syntable_runtime::run::making::times::RunTimes;
@@ -154,9 +154,9 @@ impl DatasetRecord {
 
     /// A value of a pool, which a component of a mixture can have.
     fn value_of_pool(&self, pool: &str, key: &str) -> Option<String> {
-        let (component, id) = pool.split_once('.').map_or((None, pool), |(component, id)| (Some(component), id));
+        let (component, id) = split_pool_name(pool);
         let tables = components_of(&self.table).into_iter();
-        let mut tables = tables.filter(|(other, _)| component.is_none_or(|component| component == *other));
+        let mut tables = tables.filter(|(other, _)| component.is_empty() || component == *other);
         tables.find_map(|(_, table)| value(table, &["assets", id, key]))
     }
 
@@ -274,7 +274,7 @@ fn pool_licenses(registry: &Registry, recipe: &toml::Table) -> BTreeMap<String, 
         }
     };
     // Only pools that differ have the names of their components.
-    let names = |component: &str, id: &String| [id.clone(), format!("{component}.{id}")];
+    let names = |component: &str, id: &String| [id.clone(), pool_name(component, id)];
     let licenses = pools.filter_map(|(component, id, pool)| Some((names(component, id), license(pool)?)));
     licenses.flat_map(|(names, license)| names.map(|name| (name, license.clone()))).collect()
 }
@@ -412,5 +412,34 @@ mod tests {
             "{refused}"
         );
         assert_eq!(read(true).as_deref(), Ok(&b"glTF"[..]));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pools_of_components_have_their_own_folders_and_licenses() {
+        let pool = |component: &str, id: &str, license: &str| {
+            format!(
+                "[mixture.{component}.assets.{id}]\nkind = \"files\"\nroot = \"{component}\"\nlicense = \"{license}\"\n"
+            )
+        };
+        let recipe = [
+            pool("heaps", "objects", "MIT"),
+            pool("tables", "objects", "CC0-1.0"),
+            pool("heaps", "shared", "ISC"),
+            pool("tables", "shared", "ISC"),
+        ];
+        let table: toml::Table = recipe.concat().parse().expect("TOML");
+        let registry = Registry::new([]).expect("no clash");
+        let pool_licenses = pool_licenses(&registry, &table);
+        let record = DatasetRecord { table, pool_licenses, ..DatasetRecord::default() };
+        let found = ["heaps.objects", "tables.objects", "shared"].map(|pool| {
+            let license = record.pool_licenses[pool].clone();
+            [record.value_of_pool(pool, "root").expect("there"), license]
+        });
+        assert_eq!(found, [["heaps", "MIT"], ["tables", "CC0-1.0"], ["heaps", "ISC"]]);
     }
 }
