@@ -99,7 +99,7 @@ fn each_scene_has_the_labels_of_its_component_alone() {
     let recipes = recipes(folder.path());
     let out = |id: &str| folder.path().join("out").join(id);
     let said = ok(syntable().arg("check").arg(&recipes["mixed"]));
-    assert!(said.contains("no errors") && said.contains("assets.heaps.objects: "), "{said}");
+    assert!(said.contains("no errors") && said.contains("\nmixture.heaps.assets.objects: "), "{said}");
     let said = ok(syntable().arg("plan").arg(&recipes["mixed"]));
     assert!(said.contains("heaps: about 50.0 % of the scenes") && said.contains("tables: about 50.0 %"), "{said}");
     recipes.iter().for_each(|(id, recipe)| drop(made(&mut run(recipe, &out(id)))));

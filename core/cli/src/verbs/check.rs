@@ -121,7 +121,7 @@ fn recipe(console: &Console, registry: &Registry, args: &CheckArgs, path: Option
         let recipe = console.loaded(check::load_naming_all(registry, source, overrides, &log))?;
         let assets = recipe.fits().and_then(|()| AssetStore::open(&recipe, &log)).map_err(Exit::wrong)?;
         console.print(&no_errors(&recipe))?;
-        return all_assets(console, &assets, wanted.as_deref());
+        return all_assets(console, (&recipe, &assets), wanted.as_deref());
     }
     let checked = check::check(registry, source, overrides, &log);
     let mut pools = Vec::new();
@@ -130,7 +130,7 @@ fn recipe(console: &Console, registry: &Registry, args: &CheckArgs, path: Option
         (checked.recipe, checked.warnings)
     }))?;
     let mut out = no_errors(&recipe);
-    pools.iter().for_each(|(id, size)| out += &format!("assets.{id}: {size}\n"));
+    pools.iter().for_each(|(name, size)| out += &format!("{}: {size}\n", recipe.assets[name].table));
     console.print(&out)
 }
 
@@ -142,7 +142,11 @@ fn no_errors(recipe: &Recipe) -> String {
 
 /// Loads all assets of the pools, or of one pool. The log names the faults of bad assets, and the error has their
 /// number.
-fn all_assets(console: &Console, assets: &AssetStore<'_>, wanted: Option<&str>) -> Result<(), Exit> {
+fn all_assets(
+    console: &Console,
+    (recipe, assets): (&Recipe, &AssetStore<'_>),
+    wanted: Option<&str>,
+) -> Result<(), Exit> {
     let pools: Vec<&str> = match wanted {
         Some(pool) => vec![pool],
         None => assets.sizes().map(|(pool, _)| pool).collect(),
@@ -151,7 +155,8 @@ fn all_assets(console: &Console, assets: &AssetStore<'_>, wanted: Option<&str>) 
     for pool in pools {
         let found = check::check_assets(assets, pool).map_err(Exit::wrong)?;
         let good = found.size - found.bad.len();
-        let mut out = format!("assets.{pool}: {good} of {} assets are good\n", found.size);
+        let table = &recipe.assets[pool].table;
+        let mut out = format!("{table}: {good} of {} assets are good\n", found.size);
         found.bad.iter().for_each(|name| out += &format!("  bad: {name}\n"));
         console.print(&out)?;
         (all, bad) = (all + found.size, bad + found.bad.len());

@@ -8,7 +8,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::stage::{DeviceClass, RenderDevice};
 use syntable_model::store::StoreFolder;
 use syntable_model::words::some_names;
-use syntable_recipe::{CatalogAsset, CatalogLock, CatalogNames as Names, Component, Lock, Recipe};
+use syntable_recipe::{CatalogAsset, CatalogLock, CatalogNames as Names, Component, Lock, Recipe, pool_table};
 
 /// The devices of the renderers of the components that pass a test.
 pub fn devices_of(recipe: &Recipe, is_meant: impl Fn(&Component) -> bool) -> Result<Vec<RenderDevice>> {
@@ -75,7 +75,7 @@ pub fn unchanged(
                 format!("{} assets before, {} now, or different names, categories or numbers", was.assets, is.assets)
             }
         };
-        return refuse(format!("the pool `assets.{pool}` has changed since the dataset began: {what}"));
+        return refuse(format!("the pool `{}` has changed since the dataset began: {what}", pool_table(pool)));
     }
     for (option, was) in &then.files {
         if now.files.get(option).is_some_and(|is| is != was) {
