@@ -106,24 +106,28 @@ impl<'s, 'l> Step<'s, 'l> {
     }
 }
 
-/// Writers that take the sizes of objects from their assets, if a step varies the sizes.
+/// Writers that take the sizes of objects from their assets, if steps vary the sizes.
 fn lost_sizes(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilder> {
-    let Some(step) = steps.iter().find(|step| step.resizes_objects) else { return Vec::new() };
+    let steps: Vec<&BuiltStage> = steps.iter().filter(|step| step.resizes_objects).map(|step| step.stage).collect();
+    let names: Vec<String> = steps.iter().map(|step| format!("`{}`", step.id)).collect();
+    let (who, them) = match names.as_slice() {
+        [] => return Vec::new(),
+        [only] => (format!("step {only} of [[place]] varies"), "the step"),
+        _ => (format!("steps {} of [[place]] vary", names.join(" and ")), "the steps"),
+    };
     let is_refused = |stage: &&BuiltStage| match &stage.stage {
         Some(Stage::WriteScenes(writer)) => writer.needs_sizes_of_assets(),
         _ => false,
     };
     let refusal = |stage: &BuiltStage| {
-        let (writer, step_id) = (&stage.id, &step.stage.id);
         let message = format!(
-            "`write.{writer}` describes each object by its asset and a pose, without a size, and step `{step_id}` of [[place]] varies \
-             the sizes of objects"
+            "`write.{}` describes each object by its asset and a pose, without a size, and {who} the sizes of objects",
+            stage.id
         );
-        let refusal = DiagnosticBuilder::error(Code::NotStorable, stage.header.clone(), message);
-        refusal
+        let refusal = DiagnosticBuilder::error(Code::NotStorable, stage.header.clone(), message)
             .label("has no place for a size")
-            .also(step.stage.header.clone(), "sets `scale`")
-            .help("remove `scale` from the step, or write the dataset in another format")
+            .help(format!("remove `scale` from {them}, or write the dataset in another format"));
+        steps.iter().fold(refusal, |refusal, step| refusal.also(step.header.clone(), "sets `scale`"))
     };
     stages.iter().filter(is_refused).map(refusal).collect()
 }
