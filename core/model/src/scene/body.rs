@@ -173,13 +173,18 @@ impl<Id> Body<Id> {
     /// The materials that the body shows, by slot of its mesh: its own ones or the one that replaces them, with the changed
     /// colors. Faces of higher slots have the last material. Empty if the object has no materials.
     pub fn materials(&self) -> Vec<Arc<Material>> {
-        let materials = match &self.material_override {
-            Some(surface) => vec![Arc::clone(&surface.material)],
-            None => self.object.materials.clone(),
-        };
+        let materials = self.own_materials().to_vec();
         let Some(recolor) = &self.recolor else { return materials };
         let (matrix, has_vertex_colors) = (recolor.matrix(), !self.object.mesh.data().colors.is_empty());
         materials.into_iter().map(|material| material.recolored(matrix, has_vertex_colors)).collect()
+    }
+
+    /// The [`materials`](Self::materials) without the changed colors. Emission is the same in both.
+    pub fn own_materials(&self) -> &[Arc<Material>] {
+        match &self.material_override {
+            Some(surface) => std::slice::from_ref(&surface.material),
+            None => &self.object.materials,
+        }
     }
 
     /// How the textures of [`materials`](Self::materials) are mapped.

@@ -106,5 +106,5 @@ fn is_outside(scene: &Scene, camera: &Point3<f64>) -> bool {
 
 fn emits(body: &Body) -> bool {
     let emissive = |material: &Material| material.emission.factor.iter().any(|&x| x > 0.0);
-    body.materials().iter().any(|material| emissive(material))
+    body.own_materials().iter().any(|material| emissive(material))
 }
