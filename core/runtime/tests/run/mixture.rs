@@ -2,17 +2,19 @@
 
 use crate::growth::assert_same;
 use crate::kit::{AtEvent, options, registry, run, run_scenes, run_with};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU32;
 use syntable_model::prelude::*;
 use syntable_model::registry::{Entry, Registry};
 use syntable_model::scene::Light;
+use syntable_model::stage::Input;
 use syntable_recipe::{Overrides, Recipe, Source};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::generate::{GenerateOptions, generate};
 use syntable_runtime::run::dataset::journal::JournalEntry;
-use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::run::preview::{Previewer, Wanted};
+use syntable_runtime::run::progress::{Quiet, Warnings};
 use syntable_runtime::run::stop::Stop;
 use syntable_runtime::run::{RunOptions, merge, verify};
 use syntable_testing::folder::files;
@@ -148,6 +150,8 @@ fn samples_in_memory_are_those_of_the_components() {
         Ok(())
     })
     .expect("made");
+    let found: BTreeSet<(usize, bool)> = objects.values().copied().collect();
+    assert_eq!((objects.len(), found.len()), (SCENES as usize, 2), "{objects:?}");
     for (scene, found) in objects {
         assert_eq!(
             found,
@@ -191,16 +195,25 @@ impl ViewAnnotator for Weigher {
     fn provides(&self) -> Vec<KeyId> {
         vec![WEIGHED.id()]
     }
-    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
-        products.put(WEIGHED, Value::Int(1))
+    /// Number of objects, and radiance of the bulbs.
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        let bulbs = cx.view.lights.iter().filter_map(|light| match light {
+            Light::Sphere(bulb) => Some(bulb.radiance[0] as i64),
+            _ => None,
+        });
+        products.put(WEIGHED, Value::Int(10 * cx.scene.objects().len() as i64 + bulbs.sum::<i64>()))
     }
+}
+
+fn with_weigher() -> Registry {
+    let own = registry();
+    let kinds = own.entries().iter().cloned().chain([Entry::of::<Weigher>("weigher", "0.0.0")]);
+    Registry::new(kinds).expect("no clash")
 }
 
 #[test]
 fn products_of_writers_must_agree() {
-    let own = registry();
-    let kinds = own.entries().iter().cloned().chain([Entry::of::<Weigher>("weigher", "0.0.0")]);
-    let registry = Registry::new(kinds).expect("no clash");
+    let registry = with_weigher();
     let load = |annotators: &str| {
         let text = mixed(4, &format!("[write.lines]\ninclude = [\"thought\"]\n{annotators}"));
         syntable_recipe::load(&registry, Source::embedded("t", text), &Overrides::of_process(Vec::new()))
@@ -211,4 +224,51 @@ fn products_of_writers_must_agree() {
     let want = "write.lines reads `thought`, which `one` and `two` provide with different types, meanings or units";
     assert!(report.contains(want) && report.contains("[write.lines]"), "{report}");
     load(&format!("{one}{two}")).unwrap_or_else(|report| panic!("{report}"));
+}
+
+#[test]
+fn previews_of_a_mixture_are_the_views_of_its_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [one, two] = ["one", "two"].map(|id| format!("[mixture.{id}.annotate.weigher]\n"));
+    let text = mixed(SCENES, &format!("[write.lines]\ninclude = [\"thought\"]\n{one}{two}"));
+    let overrides = || Overrides { wanted: vec![Input::of(WEIGHED)], ..Overrides::of_process(Vec::new()) };
+    let load = |text: &str| {
+        let loaded = syntable_recipe::load(&with_weigher(), Source::embedded("t", text), &overrides());
+        loaded.unwrap_or_else(|report| panic!("{report}")).0
+    };
+    let mut previewer = Previewer::new(1, DiskCache::new(folder.path().join("cache"))).expect("threads");
+    let wanted = Wanted { products: vec!["thought".into()], width: 4, allow_libraries: false };
+    let (stop, log) = (Stop::default(), Warnings(&Quiet));
+    let mut keys = Vec::new();
+    for (number, nits) in [7, 8].into_iter().enumerate() {
+        let text = text.replace("nits = 7", &format!("nits = {nits}"));
+        let out = folder.path().join(number.to_string());
+        syntable_runtime::run::run(&load(&text), &options(&out, 2), &Quiet).expect("made");
+        previewer.set(load(&text)).expect("sound");
+        let mut pass = previewer.pass(&wanted, &Quiet, &log, &stop).expect("pools");
+        let mut seen = BTreeMap::new();
+        for scene in 0..SCENES {
+            let each = &mut |view: u32, products: &Products, _| {
+                seen.insert((scene, view), products.get(WEIGHED).expect("wanted").clone());
+            };
+            pass.scene(scene, &[0, 1], each).expect("made");
+        }
+        keys.push((0..SCENES).map(|scene| pass.key(scene, 0)).collect::<Vec<_>>());
+        assert_eq!(seen.len(), 2 * SCENES as usize);
+        let ids: BTreeMap<u32, String> =
+            journal(&out).into_iter().map(|(scene, entry)| (scene, entry.component)).collect();
+        for ((scene, view), found) in seen {
+            let want = if ids[&scene] == "one" { 10 } else { 20 + nits };
+            assert_eq!(found, Value::Int(want), "scene {scene}, view {view}");
+            let path = out.join(format!("lines/{scene:06}_{view:04}.json"));
+            let text = std::fs::read_to_string(&path).expect("of the run");
+            assert!(text.contains(&format!("{want}")), "{}: {text}", path.display());
+        }
+        // Only the images of the edited component are made again.
+        if let [before, after] = keys.as_slice() {
+            assert!(
+                ids.iter().all(|(&scene, id)| { (before[scene as usize] == after[scene as usize]) == (id == "one") })
+            );
+        }
+    }
 }
