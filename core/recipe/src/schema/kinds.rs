@@ -221,19 +221,18 @@ pub fn schema(registry: &Registry) -> Json {
 /// A component of a mixture, given the sections of a recipe.
 fn component_schema(sections: &Map<String, Json>) -> Json {
     let mut properties = Map::new();
-    properties.insert(
-        WEIGHT.into(),
-        json!({
-            "description": "Weight of the component: a scene is made by it in proportion to it.",
-            "type": "number", "minimum": 0, "maximum": MAX_WEIGHT, "default": 1
-        }),
-    );
+    properties.insert(WEIGHT.into(), weight_schema("Relative probability that this component makes a scene."));
     let own = sections.iter().filter(|(name, _)| !OF_MIXTURE.contains(&name.as_str()));
     properties.extend(own.map(|(name, section)| (name.clone(), section.clone())));
     json!({
         "description": "A recipe without `[dataset]` and writers, most often by `extends`.",
         "type": "object", "additionalProperties": false, "properties": properties
     })
+}
+
+/// The weight of a component or an alternative.
+fn weight_schema(description: &str) -> Json {
+    json!({ "description": description, "type": "number", "minimum": 0, "maximum": MAX_WEIGHT, "default": 1 })
 }
 
 fn definition_name(entry: &Entry) -> String {
@@ -327,13 +326,8 @@ fn add_alternatives(registry: &Registry, schemas: &Schemas, slot: Slot, definiti
         let mut alternative = definition(entry, &kind.options);
         if let Some(properties) = object_at(&mut alternative, "properties") {
             properties.shift_remove("id");
-            properties.insert(
-                WEIGHT.into(),
-                json!({
-                    "description": "Weight of the alternative: it is drawn in proportion to it.",
-                    "type": "number", "minimum": 0, "maximum": MAX_WEIGHT, "default": 1
-                }),
-            );
+            let meaning = "Weight of the alternative: it is drawn in proportion to it.";
+            properties.insert(WEIGHT.into(), weight_schema(meaning));
         }
         if let (Some(object), Some(required)) = (alternative.as_object_mut(), kind.options.get("required")) {
             object.insert("required".into(), required.clone());
