@@ -176,4 +176,18 @@ mod tests {
         both().expect("works again");
         assert_eq!(opened(), [3, 5]);
     }
+
+    #[test]
+    fn closed_sessions_are_opened_when_scenes_need_them() {
+        let renderer = CountingRenderer::default();
+        let opened = || renderer.opened.iter().map(|count| count.load(Ordering::SeqCst)).sum::<usize>();
+        let sessions = Sessions::closed(&renderer, 5);
+        assert_eq!(opened(), 0);
+        for _ in 0..3 {
+            sessions.with(|_| Ok(())).expect("works");
+            assert_eq!(opened(), 1);
+        }
+        sessions.with(|_| sessions.with(|_| Ok(()))).expect("works");
+        assert_eq!(opened(), 2);
+    }
 }
