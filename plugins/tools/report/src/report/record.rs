@@ -413,24 +413,17 @@ mod tests {
         );
         assert_eq!(read(true).as_deref(), Ok(&b"glTF"[..]));
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
 
     #[test]
     fn pools_of_components_have_their_own_folders_and_licenses() {
-        let pool = |component: &str, id: &str, license: &str| {
-            format!(
-                "[mixture.{component}.assets.{id}]\nkind = \"files\"\nroot = \"{component}\"\nlicense = \"{license}\"\n"
-            )
+        let pool = |component: &str, id: &str, [root, license]: [&str; 2]| {
+            format!("[mixture.{component}.assets.{id}]\nkind = \"files\"\nroot = \"{root}\"\nlicense = \"{license}\"\n")
         };
         let recipe = [
-            pool("heaps", "objects", "MIT"),
-            pool("tables", "objects", "CC0-1.0"),
-            pool("heaps", "shared", "ISC"),
-            pool("tables", "shared", "ISC"),
+            pool("heaps", "objects", ["a", "MIT"]),
+            pool("tables", "objects", ["b", "CC0-1.0"]),
+            pool("heaps", "shared", ["c", "ISC"]),
+            pool("tables", "shared", ["c", "ISC"]),
         ];
         let table: toml::Table = recipe.concat().parse().expect("TOML");
         let registry = Registry::new([]).expect("no clash");
@@ -440,6 +433,6 @@ mod tests {
             let license = record.pool_licenses[pool].clone();
             [record.value_of_pool(pool, "root").expect("there"), license]
         });
-        assert_eq!(found, [["heaps", "MIT"], ["tables", "CC0-1.0"], ["heaps", "ISC"]]);
+        assert_eq!(found, [["a", "MIT"], ["b", "CC0-1.0"], ["c", "ISC"]]);
     }
 }
