@@ -117,7 +117,7 @@ fn heavy_packages_stay_in_their_rooms() {
         ("indicatif", &["syntable-cli"]),
         ("signal-hook", &["syntable-cli"]),
         ("httparse", &["syntable-report"]),
-        ("embedded-graphics", &["syntable-report"]),
+        ("embedded-graphics", &["syntable-formats"]),
         ("libloading", &["syntable-denoise"]),
     ];
     for (name, (normal, _)) in dependencies() {

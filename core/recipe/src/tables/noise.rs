@@ -15,7 +15,10 @@ const ENOUGH_SAMPLES: u32 = 32;
 pub(crate) fn check(built: &Built, plan: &Plan) -> Option<DiagnosticBuilder> {
     // A denoiser replaces the image of the renderer.
     let is_raw = |entry: &PlanEntry| entry.provider == Provider::Renderer && entry.key.is(RADIANCE.name());
-    if built.failed.contains(&Slot::Denoise) || !plan.entries.iter().any(is_raw) {
+    // `kind = "none"` states that noise is wanted.
+    let is_decided =
+        built.stages.iter().any(|stage| stage.slot == Slot::Denoise) || built.failed.contains(&Slot::Denoise);
+    if is_decided || !plan.entries.iter().any(is_raw) {
         return None;
     }
     let (stage, samples) = built.stages.iter().find_map(|stage| match &stage.stage {
@@ -29,7 +32,7 @@ pub(crate) fn check(built: &Built, plan: &Plan) -> Option<DiagnosticBuilder> {
             stage.header.clone(),
             format!("images of {paths} per pixel are noisy without a denoiser"),
         )
-        .help("add a section [denoise] with `kind = \"guided\"`")
+        .help("add a section [denoise] with `kind = \"guided\"`, or with `kind = \"none\"` if noise is wanted")
         .help(format!("or raise `samples_per_pixel` to {ENOUGH_SAMPLES} or more"))
     };
     (samples < ENOUGH_SAMPLES).then(warning)

@@ -8,7 +8,7 @@ use syntable_model::product::standard::BODIES;
 use syntable_model::scene::{Body, Recolor, Role};
 
 /// Every body of the scene by its id in `instance`: role, asset, materials and pose. Bodies of another size than their asset have
-/// its factor, `scale`. Bodies with changed colors have `recolor`, the numbers of the option `color` of their placer.
+/// `scale`, and bodies with changed colors `recolor`, as their placer drew them.
 ///
 /// Objects have the ids 1 to M; distractors follow, then table and room. 0 means no body. Together with `role`,
 /// `instance` also gives the masks of tabletop and background.

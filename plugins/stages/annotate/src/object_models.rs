@@ -5,8 +5,8 @@ use syntable_model::product::standard::OBJECT_MODELS;
 use syntable_model::product::{ObjectModel, ObjectModels as Models};
 
 /// Triangle meshes of the assets of the scene's objects, in meters and in the object frame: `camera_from_object` of
-/// `object_info` times a vertex is a point of the object in the camera frame. An object of another size has a `scale` in
-/// `object_info`, which multiplies the vertex first.
+/// `object_info` times a vertex is a point of the object in the camera frame. The `scale` of `object_info` multiplies the
+/// vertex first.
 ///
 /// A pool scales and centers an asset once, so all objects of an asset share one mesh. `obj_id` is the number of the
 /// asset; `model_origin_m` is the origin of its file in the object frame. Symmetries are in the frame of the file, at

@@ -47,11 +47,11 @@ pub struct Distractors {
     #[serde(default = "some")]
     #[schemars(range(min = 0.0, max = 1.0))]
     lying_probability: f64,
-    /// Factor of each distractor's size, 0.01 to 100. `size_m` counts after it. The size of the asset by default.
+    /// Factor of each distractor's size, 0.01 to 100. `size_m` counts after it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = SCALE[0], "maximum" = SCALE[1]))]
     scale: Option<Dist>,
-    /// Changes the colors of some distractors, such as `{ hue_deg = { uniform = [-180, 180] }, probability = 0.5 }`.
+    /// Changes the colors of some distractors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     color: Option<ColorChange>,
     /// Replaces the material of some distractors, such as `{ from = "materials", probability = 0.2 }`.

@@ -59,12 +59,11 @@ pub struct DropBox {
     #[serde(default = "tries")]
     #[schemars(range(min = 1, max = 100000))]
     max_tries: u32,
-    /// Factor of each object's size, 0.01 to 100. Mass and friction belong to the material, so the mass grows with the cube. The size
-    /// of the asset by default.
+    /// Factor of each object's size, 0.01 to 100; the mass grows with its cube.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = SCALE[0], "maximum" = SCALE[1]))]
     scale: Option<Dist>,
-    /// Changes the colors of some objects, such as `{ hue_deg = { uniform = [-180, 180] }, probability = 0.5 }`.
+    /// Changes the colors of some objects.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     color: Option<ColorChange>,
     /// Replaces the material of some objects, such as `{ from = "materials", probability = 0.2 }`. Shape and mass stay.

@@ -103,7 +103,7 @@ pub struct Mesh {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = FRICTION[0], "maximum" = FRICTION[1]))]
     friction: Option<Dist>,
-    /// Changes the colors of the mesh in some scenes, such as `{ hue_deg = { uniform = [-180, 180] } }`.
+    /// Changes the colors of the mesh in some scenes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     color: Option<ColorChange>,
     /// Replaces the materials of the file, such as `{ from = "materials", probability = 0.2 }`. Shape and mass stay.

@@ -34,7 +34,7 @@ pub struct Table {
     #[serde(default = "real_size")]
     #[schemars(extend("minimum" = TEXTURE_SCALE[0], "maximum" = TEXTURE_SCALE[1]))]
     texture_scale: Dist,
-    /// Changes the colors of some tables, such as `{ brightness = { uniform = [0.6, 1.2] } }`.
+    /// Changes the colors of some tables.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     color: Option<ColorChange>,
     /// Rotation of the table about the world z axis, degrees.
