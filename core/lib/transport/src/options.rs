@@ -49,7 +49,7 @@ pub struct PathTracing {
     /// is at least one half, however transparent the material is overall. `coverage`: the first surface whose alpha
     /// covers at least one half of the background; this includes glass. `opaque`: the first opaque surface. A surface
     /// that transmits at least one half of the entering light does not exist either, so an object of glass has no mask
-    /// and hides nothing, and objects behind it are visible. The product `label_policy` states the choice.
+    /// and hides nothing. The product `label_policy` states the choice.
     pub blended_labels: BlendedLabels,
 }
 

@@ -194,8 +194,7 @@ pub fn schema(registry: &Registry) -> Json {
     properties.insert(
         MIXTURE.into(),
         json!({
-            "description": "Recipes whose scenes make one dataset: each scene is made by one of these components, drawn by weight. \
-                            The recipe itself has `[dataset]` and the writers.",
+            "description": "Recipes that make the scenes of one dataset. Each scene draws one of them by weight.",
             "type": "object",
             "additionalProperties": { "$ref": format!("#/definitions/{COMPONENT}") }
         }),

@@ -4,6 +4,7 @@ use crate::plan::{Plan, PlanEntry, Provider};
 use crate::tables::stages::Built;
 use crate::text::code::Code;
 use crate::text::diagnostic::DiagnosticBuilder;
+use crate::text::source::NOWHERE;
 use syntable_model::product::standard::RADIANCE;
 use syntable_model::registry::{Slot, Stage};
 
@@ -16,8 +17,8 @@ pub(crate) fn check(built: &Built, plan: &Plan) -> Option<DiagnosticBuilder> {
     // A denoiser replaces the image of the renderer.
     let is_raw = |entry: &PlanEntry| entry.provider == Provider::Renderer && entry.key.is(RADIANCE.name());
     // `kind = "none"` states that noise is wanted.
-    let is_decided =
-        built.stages.iter().any(|stage| stage.slot == Slot::Denoise) || built.failed.contains(&Slot::Denoise);
+    let is_decided = built.stages.iter().any(|stage| stage.slot == Slot::Denoise && stage.header != NOWHERE)
+        || built.failed.contains(&Slot::Denoise);
     if is_decided || !plan.entries.iter().any(is_raw) {
         return None;
     }

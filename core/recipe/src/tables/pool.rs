@@ -78,8 +78,8 @@ pub struct PoolOptions {
     pub properties: Option<AssetPath>,
     /// Numbers of the objects (`obj_id` of BOP) by exact name, such as `{ "024_bowl" = 24 }`, or a TOML or JSON file of such a
     /// table. `.syntable/catalogs/<pool>.json` of a dataset is such a file, too. An object that is not in the table keeps the
-    /// number that its source states; without one it is an error. Left out, objects have the numbers that the source states,
-    /// as `bop_models` does, or their places in the whole pool, before anything is left out.
+    /// number that its source states; without one it is an error. By default, objects have the numbers that the source
+    /// states, or their places in the whole pool.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ids: Option<ObjectIds>,
     /// Number of the first object; all objects of the pool are numbered from it in the order of their names, before anything

@@ -13,7 +13,7 @@ const SAMPLES: usize = 4096;
 /// plastic number.
 const EVEN: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
 
-/// Mean surface of every body of the scene, weighted by area over its whole mesh, visible or not: `base_color` (linear
+/// Mean surface of every body, weighted by area over its whole mesh, visible or not: `base_color` (linear
 /// Rec. 709, with textures and changes of color), perceptual `roughness`, `metallic` and `transmission`, the fraction of
 /// the entering light that passes the surface, each in [0, 1]; with the body's `id` and its area, `area_m2`.
 ///

@@ -9,7 +9,7 @@ use syntable_model::product::{BitPlane, ObjectImage, ObjectImages};
 /// Fraction of each pixel's area that annotated objects cover: `visible_soft_mask` for their visible parts,
 /// `amodal_soft_mask` with their hidden parts. Both are the fraction of rays through the centers of `subpixels` ×
 /// `subpixels` equal squares of the pixel that hit the object, in steps of 1 / `subpixels`². The error at a straight
-/// edge is at most about half of 1 / `subpixels`. In every pixel, the visible fraction is at most the amodal one.
+/// edge is at most about half of 1 / `subpixels`.
 ///
 /// The renderer traces `instance` and `coverage` with `subpixels`² rays per pixel, so labels take that many times as
 /// long and as much memory. The masks of `masks` are sampled at pixel centers, so they can differ from the soft mask at

@@ -24,7 +24,7 @@ pub struct Rapier {
     /// Collision shape of objects and supports.
     pub(crate) collision: Collision,
     /// Maximum distance of convex parts from the mesh in its hollows, meters, for `collision = "decomposition"`: an
-    /// object in a mug is at most this far above the mug's bottom. Lower values give more parts. Supports have their
+    /// object in a mug is at most this far above the mug's bottom. Supports have their
     /// own bounds: 1 mm and up to 512 parts with a rim or recesses, 30 mm below a flat top, where no object stays.
     #[schemars(range(min = 0.001, max = 1.0))]
     pub(crate) max_deviation_m: f64,

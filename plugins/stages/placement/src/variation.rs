@@ -28,7 +28,7 @@ const COLOR_FACTOR: [f64; 2] = [0.0, 10.0];
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ColorChange {
-    /// Turn of the hue, degrees, −360 to 360: 120 makes red green, and green blue.
+    /// Turn of the hue, degrees, −360 to 360: 120 makes red green.
     #[schemars(extend("minimum" = HUE_DEG[0], "maximum" = HUE_DEG[1]))]
     hue_deg: Dist,
     /// Factor of the distance from gray, 0 to 10: 0 gives gray, 1 changes nothing.

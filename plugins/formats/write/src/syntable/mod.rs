@@ -56,8 +56,7 @@ pub struct SynTable {
     pub skip_empty_images: bool,
     /// Also writes the files of SynTable's switch `--save-segmentation-data`, except the images of single objects:
     /// instance maps, visible, amodal and occlusion masks as PNG, depth as PFM in meters and as 8-bit inverse depth. If
-    /// a converted dataset lacks instance maps, they are painted from the visible masks. If it lacks spawn numbers,
-    /// file names of an object contain its id less one.
+    /// a converted dataset lacks instance maps, they are painted from the visible masks.
     pub debug_masks: bool,
     /// File name of the annotation file.
     pub annotation_file: String,

@@ -17,7 +17,7 @@ use syntable_model::stage::AssetLimits;
 /// Tileable surface materials, one folder each, of maps named as ambientCG (`_Color`, `_Roughness`, `_NormalGL`, or the
 /// older `_col`, `_rgh`, `_nrm`) or Poly Haven (`_diff`, `_rough`, `_nor_gl`, `_arm`) name them. A color map is needed;
 /// without a roughness map the roughness is 0.5, without a metalness map the material is a dielectric. Ambient occlusion and
-/// displacement are not read. Maps may differ in size.
+/// displacement are not read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PbrFolder {
