@@ -49,7 +49,7 @@ fn plan_measures_how_long_a_run_takes() {
         command.arg("plan").arg(&recipe).args(SMALL).args(more).current_dir(folder.path());
         ok(&mut command)
     };
-    assert!(plan(&[]).contains("time: `--time` makes a few scenes"));
+    assert!(plan(&[]).contains("time: not measured; `--time` makes a few scenes"));
     // One scene warms up, and the other is measured.
     let said = plan(&["--time", "--scenes", "7", "--threads", "1"]);
     for words in [

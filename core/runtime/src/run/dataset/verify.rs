@@ -14,6 +14,7 @@ use syntable_model::context::Workers;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
+use syntable_model::stage::unreadable;
 use syntable_model::store::{Access, Kind, StoreFolder};
 
 /// Result of comparing a dataset.
@@ -156,7 +157,7 @@ fn scene_files(dataset: &StoreFolder, scene: u32, digest: &str, wrong: &mut Veri
 impl Verified {
     fn look(&mut self, dataset: &StoreFolder, path: &DatasetPath, stamp: &Stamp) -> Result<()> {
         self.files += 1;
-        match stamp.check_in(dataset, path)? {
+        match stamp.check_in(dataset, path).map_err(unreadable)? {
             FileState::Whole => {}
             FileState::Missing => self.missing.push(path.to_string()),
             FileState::Damaged => self.damaged.push(path.to_string()),
