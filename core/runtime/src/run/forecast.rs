@@ -1,7 +1,7 @@
 //! The time and disk space that a recipe needs on this machine, measured on its first scenes.
 //!
 //! The scenes are made in memory, one at a time, by the code of a run. The first scene also loads assets and kernels, so
-//! its extra time counts once. A run has several scenes in progress; [`Pace::of`] has the model of their speed.
+//! its extra time counts once. A run has several scenes in progress; `Pace::of` has the model of their speed.
 
 use crate::cache::DiskCache;
 use crate::run::making::times::Times;
