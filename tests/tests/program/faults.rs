@@ -109,7 +109,7 @@ fn a_failing_disk_is_not_called_damage() {
     let Some(library) = shim(&home) else { return };
     let data = home.join("data");
     ok(&mut small_run(&data, &[]));
-    let manifest = ".syntable/manifests/000000.json";
+    let manifest = ".syntable/scenes/000000.json";
     let image = files(&data).into_keys().find(|name| name.ends_with(".png")).expect("an image");
     for (inside, verb) in
         [(image.as_str(), "verify"), (manifest, "verify"), (manifest, "run"), (".syntable/shards", "run")]
