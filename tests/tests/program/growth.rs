@@ -102,7 +102,7 @@ fn what_a_run_reports_of_growth_and_of_another_recipe() {
         assert!(said.contains(word), "{word} is not in\n{said}");
     }
     let error = fails(&mut small_run(folder.path(), &["--set", "dataset.scenes=3", "--seed", "8"]), 2);
-    assert!(error.contains("dataset.seed: 7 -> 8") && error.contains("another recipe"), "{error}");
+    assert!(error.contains("dataset.seed: 15 -> 8") && error.contains("another recipe"), "{error}");
 }
 
 /// Ids and files of the images in an annotation file.

@@ -116,10 +116,12 @@ fn in_words(found: &Forecast) -> String {
         count(pace.measured, "measured scene"),
     );
     let mut row = |name: &str, text: String| out += &format!("  {name:<7}{text}\n");
-    match pace.is_cold {
-        true => row("start", "part of the only scene".into()),
-        false => row("start", seconds(pace.start_s)),
-    }
+    let start = match pace.is_cold {
+        true => "part of the only scene".into(),
+        false if pace.start_s == 0.0 => "too short to measure".into(),
+        false => seconds(pace.start_s),
+    };
+    row("start", start);
     row(
         "scene",
         format!(

@@ -7,8 +7,9 @@ use syntable_model::scene::{Body, MassDistribution, MassOrigin, Object};
 
 /// Asset, category, mass and poses of every object. Poses are 4 × 4 matrices, row by row, of the object frame in meters;
 /// the camera frame is x right, y down, z forward. `bounds_m` are the lowest and the highest corner of the object's box in
-/// the object frame, m; `model_origin_m` is the origin of the asset's file in that frame, m. `obj_id` is the number of the asset in its pool, which depends on the pools of the recipe alone.
-/// `scale`, if it is not 1, is the placer's factor on the size of the asset; all lengths include it.
+/// the object frame, m; `model_origin_m` is the origin of the asset's file in that frame, m. `obj_id` is the number of the
+/// asset in its pool, which depends on the pools of the recipe alone. `scale`, if it is not 1, is the placer's factor on
+/// the size of the asset; all lengths include it.
 ///
 /// The mass is the one that was simulated. `mass_origin` is `known` for a mass from the object's files, `estimated`
 /// from its volume, or `assigned` by the settler. The center of mass (m) and the inertia tensor about it (kg m²) are in

@@ -130,8 +130,13 @@ pub fn small_dataset(out: &Path, more: &[&str]) {
 pub fn small_dataset_run(out: &Path, more: &[&str]) -> Command {
     let mut run = syntable();
     run.args(["run", "builtin:quickstart", "--out"]).arg(out);
-    let small =
-        ["camera.resolution=[160, 120]", "render.samples_per_pixel=1", "denoise.kind=\"none\"", "place[2].count=8"];
+    let small = [
+        "dataset.seed=7",
+        "camera.resolution=[160, 120]",
+        "render.samples_per_pixel=1",
+        "denoise.kind=\"none\"",
+        "place[2].count=8",
+    ];
     for set in small.iter().chain(more) {
         run.args(["--set", set]);
     }

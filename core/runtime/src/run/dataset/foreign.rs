@@ -13,6 +13,7 @@ use syntable_model::context::{Serial, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
 use syntable_model::limits::{Limit, RUN_LIST_BYTES};
+use syntable_model::stage::unreadable;
 use syntable_model::store::{Kind as FileKind, StoreFolder};
 use syntable_model::words::SHOWN;
 
@@ -207,7 +208,7 @@ pub fn own_files(dataset: &StoreFolder) -> Result<OwnFiles> {
 }
 
 fn walk(dataset: &StoreFolder, inside: &str, own: &mut OwnFiles) -> Result<()> {
-    for (name, kind) in dataset.list(inside)? {
+    for (name, kind) in dataset.list(inside).map_err(unreadable)? {
         let path = format!("{inside}/{name}");
         if kind == FileKind::Folder {
             walk(dataset, &path, own)?;
@@ -265,13 +266,13 @@ pub fn read_list(dataset: &StoreFolder, path: &DatasetPath) -> Result<Option<Vec
 
 /// The bytes of a file, if the file exists. Refuses a file larger than the limit.
 pub fn read_bounded(dataset: &StoreFolder, path: &DatasetPath, limit: &Limit) -> Result<Option<Vec<u8>>> {
-    let Some(opened) = dataset.open(path)? else { return Ok(None) };
+    let Some(opened) = dataset.open(path).map_err(unreadable)? else { return Ok(None) };
     let check = |length: u64| limit.check(length).map_err(|error| error.in_file(dataset.name_of(path)));
     check(opened.size)?;
     // The file may grow, or may state no length.
     let mut bytes = Vec::new();
     let read = opened.take(limit.most + 1).read_to_end(&mut bytes);
-    read.map_err(|error| Error::io(dataset.name_of(path), &error))?;
+    read.map_err(|error| unreadable(Error::io(dataset.name_of(path), &error)))?;
     check(bytes.len() as u64)?;
     Ok(Some(bytes))
 }
