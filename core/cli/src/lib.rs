@@ -27,6 +27,7 @@ use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::LogFormat;
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::io::Write;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -143,7 +144,7 @@ enum BuiltIn {
 pub fn main() -> ExitCode {
     match Program::linked() {
         Ok(program) => program.run(),
-        Err(clash) => refused(clash),
+        Err(clash) => refused(clash).into(),
     }
 }
 
@@ -175,15 +176,20 @@ impl Program {
 
     /// Runs the command line of this process.
     pub fn run(self) -> ExitCode {
+        self.run_with(std::env::args_os()).into()
+    }
+
+    /// Runs a command line, with the program's name first. Returns the exit code.
+    pub fn run_with(self, arguments: impl IntoIterator<Item = OsString>) -> u8 {
         let (mut command, verbs) = match command(&self.verbs) {
             Ok(found) => found,
             Err(clash) => return refused(clash),
         };
-        let matches = match command.try_get_matches_from_mut(std::env::args_os()) {
+        let matches = match command.try_get_matches_from_mut(arguments) {
             Ok(matches) => matches,
             // Help and version are results, too.
             Err(page) if !page.use_stderr() => return ended_with(&Console::new(LogFormat::Human), page_printed(&page)),
-            Err(error) => with_verb(error).exit(),
+            Err(error) => return not_understood(&with_verb(error)),
         };
         let format = matches.get_one::<LogFormat>("log_format").copied().unwrap_or(LogFormat::Human);
         let console = Console::new(format);
@@ -192,7 +198,7 @@ impl Program {
             Some((verb, arguments)) => verb.run(&console, &self.registry, arguments),
             None => match Cli::from_arg_matches(&matches) {
                 Ok(cli) => run_verb(&console, cli.verb, &self.registry, command),
-                Err(error) => error.exit(),
+                Err(error) => return not_understood(&error),
             },
         };
         ended_with(&console, done)
@@ -222,20 +228,27 @@ fn run_verb(console: &Console, verb: BuiltIn, registry: &Registry, mut command: 
 }
 
 /// Prints the messages of a finished verb, and returns its exit code.
-fn ended_with(console: &Console, done: Result<(), Exit>) -> ExitCode {
+fn ended_with(console: &Console, done: Result<(), Exit>) -> u8 {
     match done {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(Exit { code, messages }) => {
             messages.iter().for_each(|message| console.say(message));
-            ExitCode::from(code)
+            code
         }
     }
 }
 
-/// Ends a program whose crates clash.
-fn refused(clash: String) -> ExitCode {
+/// Prints the error of the parser, and returns the exit code.
+fn not_understood(error: &clap::Error) -> u8 {
+    // Without standard error, nobody reads it.
+    let _ = error.print();
+    u8::try_from(error.exit_code()).unwrap_or(2)
+}
+
+/// Ends a program whose crates clash. Returns the exit code.
+pub fn refused(clash: String) -> u8 {
     Console::new(LogFormat::Human).say(&Message::Error(Error::new(clash)));
-    ExitCode::from(2)
+    2
 }
 
 /// Words for a verb that users try, and the verb.

@@ -19,8 +19,9 @@ use parking_lot::{Condvar, Mutex};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::thread::{self, JoinHandle};
+use std::time::Duration;
 use syntable_model::context::{SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{KeyId, Products, Scope};
@@ -329,21 +330,45 @@ impl Generator {
     }
 }
 
-impl Iterator for Generator {
-    type Item = Result<Sample>;
-
-    fn next(&mut self) -> Option<Result<Sample>> {
-        if let Some(sample) = self.samples.as_ref().and_then(|samples| samples.recv().ok()) {
-            return Some(Ok(sample));
+impl Generator {
+    /// The next sample, as [`Iterator::next`] returns it, or [`Waited::NotYet`] after `patience`.
+    pub fn next_within(&mut self, patience: Duration) -> Waited {
+        match self.samples.as_ref().map(|samples| samples.recv_timeout(patience)) {
+            Some(Ok(sample)) => Waited::Next(Some(Ok(Box::new(sample)))),
+            Some(Err(RecvTimeoutError::Timeout)) => Waited::NotYet,
+            Some(Err(RecvTimeoutError::Disconnected)) | None => Waited::Next(self.end().map(Err)),
         }
+    }
+
+    /// Waits for the threads after the last sample. Returns their error once.
+    fn end(&mut self) -> Option<Error> {
         self.samples = None;
         match self.thread.take()?.join() {
             Ok(Ok(result)) => {
                 self.result = result;
                 None
             }
-            Ok(Err(error)) => Some(Err(error)),
-            Err(_) => Some(Err(Error::new("the thread that makes samples panicked"))),
+            Ok(Err(error)) => Some(error),
+            Err(_) => Some(Error::new("the thread that makes samples panicked")),
+        }
+    }
+}
+
+/// The result of waiting for a sample.
+pub enum Waited {
+    /// A sample, an error, or nothing after the last sample.
+    Next(Option<Result<Box<Sample>>>),
+    /// The sample is still in work.
+    NotYet,
+}
+
+impl Iterator for Generator {
+    type Item = Result<Sample>;
+
+    fn next(&mut self) -> Option<Result<Sample>> {
+        match self.samples.as_ref().and_then(|samples| samples.recv().ok()) {
+            Some(sample) => Some(Ok(sample)),
+            None => self.end().map(Err),
         }
     }
 }

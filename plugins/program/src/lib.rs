@@ -12,4 +12,4 @@
 mod verbs;
 
 use syntable as _;
-pub use syntable_cli::{Program, main};
+pub use syntable_cli::{Program, main, refused};

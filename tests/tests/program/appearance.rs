@@ -10,7 +10,14 @@ fn run(out: &Path, sets: &[&str]) {
     let arrays = "write.arrays={ kind = \"npz\", include = [\"rgb\", \"normal\", \"visible_ids\", \"amodal_bits\", \
                   \"appearance\", \"appearance_box\", \"amodal_normal\"] }";
     let cut = "write.cut={ kind = \"png\", include = [\"appearance\"], crop = true }";
-    let common = ["dataset.seed=7", "dataset.scenes=1", "dataset.views_per_scene=2", "camera.resolution=[200, 150]", arrays, cut];
+    let common = [
+        "dataset.seed=7",
+        "dataset.scenes=1",
+        "dataset.views_per_scene=2",
+        "camera.resolution=[200, 150]",
+        arrays,
+        cut,
+    ];
     for set in common.iter().chain(sets) {
         run.args(["--set", set]);
     }

@@ -1,0 +1,209 @@
+"""The verbs of the command, as functions."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from . import _syntable, _toml
+from .datasets import Dataset, named
+from .generating import scene_range, thread_count
+from .progress import Progress, listener
+from .recipes import Recipe, as_recipe
+
+__all__ = ["Conversion", "Fault", "Outcome", "Validation", "convert", "run", "validate"]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The dataset after a run.
+
+    Attributes:
+        path: Its folder.
+        scenes: Number of its scenes.
+        images: Number of its images.
+        failed: Number of scenes that could not be made; the journal has the reasons.
+        missing: Number of scenes of the recipe that are missing.
+        lacking: Number of scenes that could not be repaired or extended.
+        useless: Why the whole dataset is of no use, such as black images; empty if nothing is wrong.
+        bad_assets: Assets that could not be read.
+        left_out: What stages left out of images.
+    """
+
+    path: str
+    scenes: int
+    images: int
+    failed: int
+    missing: int
+    lacking: int
+    useless: list[str]
+    bad_assets: list[str]
+    left_out: list[str]
+
+    @property
+    def complete(self) -> bool:
+        """Whether the dataset is whole and usable: the command would end with exit code 0."""
+        return not (self.failed or self.missing or self.lacking or self.useless or self.left_out)
+
+    def open(self) -> Dataset:
+        """Opens the dataset."""
+        return Dataset(self.path)
+
+
+def run(
+    recipe: Recipe | str | os.PathLike[str] | Mapping[str, Any],
+    out: str | os.PathLike[str],
+    *,
+    scenes: range | tuple[int, int] | int | None = None,
+    threads: int | None = None,
+    overwrite: bool = False,
+    retry_failed: bool = False,
+    repair: bool = False,
+    rewrite: bool = False,
+    allow_libraries: bool = False,
+    progress: Progress = None,
+) -> Outcome:
+    """Makes the dataset of a recipe, or continues it where it stopped. Ctrl-C keeps finished scenes.
+
+    Args:
+        recipe: A recipe, its path, ``builtin:NAME``, or dicts.
+        out: Folder of the dataset.
+        scenes: Numbers of the scenes to make, such as ``range(0, 10)``. Default: all.
+        threads: Number of threads; the dataset does not depend on it. Default: all cores.
+        overwrite: Delete the dataset in the folder, and start again.
+        retry_failed: Retry scenes that failed before.
+        repair: Compare all files with the journal first, and make damaged scenes again.
+        rewrite: Write files of writers again whose options have changed.
+        allow_libraries: Load native libraries that the recipe names by a relative path.
+        progress: Shows progress, or receives every event; see `Progress`.
+
+    Raises:
+        RecipeError: If the recipe has mistakes.
+        SyntableError: If the run cannot begin or continue. Scenes that fail do not raise; see `Outcome`.
+        KeyboardInterrupt: After Ctrl-C.
+    """
+    switches = {
+        "overwrite": overwrite,
+        "retry_failed": retry_failed,
+        "repair": repair,
+        "rewrite": rewrite,
+        "allow_libraries": allow_libraries,
+    }
+    found = _syntable.run(
+        as_recipe(recipe)._raw,
+        os.fspath(out),
+        scene_range(scenes),
+        thread_count(threads),
+        [name for name, is_on in switches.items() if is_on],
+        listener(progress),
+    )
+    return Outcome(path=os.fspath(out), **found)
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """The result of a conversion.
+
+    Attributes:
+        path: Folder of the new dataset.
+        format: Format of the dataset that was converted.
+        images: Number of images.
+        lacking: Products that the new formats can store and the dataset lacks.
+        left_out: What the new dataset leaves out; empty if it is complete.
+    """
+
+    path: str
+    format: str
+    images: int
+    lacking: list[str]
+    left_out: list[str]
+
+
+def convert(
+    dataset: Dataset | str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *formats: str,
+    threads: int | None = None,
+    progress: Progress = None,
+    **options: Mapping[str, Any],
+) -> Conversion:
+    """Writes a dataset in other formats.
+
+    Args:
+        dataset: A dataset, or its path.
+        out: Folder of the result: new, or empty.
+        formats: Kinds of writers, such as ``"coco"``.
+        threads: Number of threads. Default: all cores.
+        progress: Shows progress, or receives every event; see `Progress`.
+        options: Options of writers by kind, such as ``coco={"masks": "visible"}``.
+
+    Raises:
+        TypeError: If no format is named.
+        SyntableError: If the dataset cannot be opened, or nothing can be written.
+    """
+    if not formats:
+        raise TypeError("name the formats to write, such as convert(dataset, out, 'coco')")
+    settings = [
+        f"{kind}.{_toml.key(key)}={_toml.value(value, f'{kind}.{key}')}"
+        for kind, table in options.items()
+        for key, value in table.items()
+    ]
+    found = _syntable.convert(
+        named(dataset), list(formats), os.fspath(out), settings, thread_count(threads), listener(progress)
+    )
+    return Conversion(path=os.fspath(out), **found)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault of a dataset.
+
+    Attributes:
+        check: Name of the check that found it.
+        place: An image, an annotation or a file.
+        message: The fault in words.
+    """
+
+    check: str
+    place: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Validation:
+    """The checks of a dataset's labels.
+
+    Attributes:
+        format: Format of the dataset.
+        images: Number of images.
+        checks: The checks: ``check``, what it ``says``, number of ``images`` and of ``faults``.
+        faults: All faults, by check and place.
+    """
+
+    format: str
+    images: int
+    checks: list[dict[str, Any]]
+    faults: list[Fault]
+
+    @property
+    def sound(self) -> bool:
+        """Whether no check found a fault."""
+        return not self.faults
+
+
+def validate(
+    dataset: Dataset | str | os.PathLike[str],
+    *,
+    threads: int | None = None,
+    progress: Progress = None,
+) -> Validation:
+    """Checks the labels of a dataset: masks, rates, boxes, order, depth, poses, files.
+
+    Raises:
+        SyntableError: If the path has no dataset, or its format is unknown. Faults do not raise.
+    """
+    found = _syntable.validate(named(dataset), thread_count(threads), listener(progress))
+    faults = [Fault(**fault) for fault in found.pop("faults")]
+    return Validation(faults=faults, **found)

@@ -1,0 +1,44 @@
+//! The private module `syntable._syntable` of the Python package. The package in `python/syntable` is the public side: it names,
+//! types and documents everything, and this crate does the work.
+//!
+//! Work runs on threads of its own, without Python's global lock. The calling thread waits for it, shows progress and handles
+//! signals.
+
+mod command;
+mod dataset;
+mod errors;
+mod generator;
+mod masks;
+mod recipe;
+mod registry;
+mod sample;
+mod values;
+mod verbs;
+mod work;
+
+use pyo3::prelude::*;
+
+/// The private part of the package.
+#[pymodule]
+mod _syntable {
+    #[pymodule_export]
+    use super::command::main;
+    #[pymodule_export]
+    use super::dataset::Dataset;
+    #[pymodule_export]
+    use super::generator::Generator;
+    #[pymodule_export]
+    use super::masks::Mask;
+    #[pymodule_export]
+    use super::recipe::{Recipe, builtin_recipes};
+    #[pymodule_export]
+    use super::sample::Sample;
+    #[pymodule_export]
+    use super::verbs::{convert, run, validate};
+    use super::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

@@ -1,0 +1,121 @@
+//! Work of the library on another thread, while the calling thread shows its progress and handles signals.
+
+use crate::errors::exception;
+use crate::values;
+use parking_lot::Mutex;
+use pyo3::prelude::*;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::Duration;
+use std::{process, thread};
+use syntable_model::context::Log;
+use syntable_model::error::{Error, Result};
+use syntable_recipe::message::{Message, Record};
+use syntable_runtime::run::progress::{Event, Reporter};
+use syntable_runtime::run::stop::Stop;
+
+/// Interval at which the calling thread handles signals.
+pub const SIGNALS: Duration = Duration::from_millis(50);
+
+/// The process that began work first; 0 before.
+static WORKER: AtomicU32 = AtomicU32::new(0);
+
+/// Refuses work in a process that was forked after its parent had begun work.
+///
+/// # Errors
+/// If the threads of the library are in the parent.
+pub fn check_process(py: Python<'_>) -> PyResult<()> {
+    let here = process::id();
+    match WORKER.compare_exchange(0, here, Ordering::Relaxed, Ordering::Relaxed) {
+        Err(there) if there != here => Err(exception(
+            py,
+            &Error::new("this process was forked from one that had begun to make scenes, and lacks its threads")
+                .help("start processes with multiprocessing's \"spawn\", or pass num_workers=0 to a DataLoader"),
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Passes events to the calling thread.
+pub struct EventSender(Mutex<Sender<Event>>);
+
+/// Where events arrive.
+pub struct Events(Mutex<Receiver<Event>>);
+
+/// A sender, and the end where its events arrive.
+pub fn events() -> (EventSender, Events) {
+    let (sender, events) = channel();
+    (EventSender(Mutex::new(sender)), Events(Mutex::new(events)))
+}
+
+impl Events {
+    /// The next event, after at most [`SIGNALS`].
+    fn next(&self) -> std::result::Result<Event, RecvTimeoutError> {
+        self.0.lock().recv_timeout(SIGNALS)
+    }
+
+    /// An event that is here already.
+    pub fn here(&self) -> Option<Event> {
+        self.0.lock().try_recv().ok()
+    }
+}
+
+impl Reporter for EventSender {
+    fn event(&self, event: &Event) {
+        // Without a listener, nobody wants the event.
+        let _ = self.0.lock().send(event.clone());
+    }
+}
+
+impl Log for EventSender {
+    fn warn(&self, error: &Error) {
+        self.event(&Event::Message(Record::from(&Message::Warning(error.clone()))));
+    }
+}
+
+/// Passes an event to a Python function.
+pub fn show(py: Python<'_>, progress: Option<&Py<PyAny>>, event: &Event) -> PyResult<()> {
+    let Some(progress) = progress else { return Ok(()) };
+    let text = serde_json::to_value(event).map_err(|error| exception(py, &Error::new(error.to_string())))?;
+    progress.call1(py, (values::of_json(py, &text)?,)).map(drop)
+}
+
+/// Does work on another thread. The calling thread passes events to `progress`, and handles signals. A signal whose handler
+/// raises, as that of Ctrl-C, or an exception of `progress` asks the work to stop; when it has ended, the exception is raised.
+///
+/// # Errors
+/// The exception of a signal or of `progress`, or else the error of the work.
+pub fn wait_for<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Py<PyAny>>,
+    work: impl FnOnce(&EventSender, &Stop) -> Result<T> + Send,
+) -> PyResult<T> {
+    check_process(py)?;
+    let stop = Stop::default();
+    let (sender, events) = events();
+    thread::scope(|threads| {
+        let asked = stop.clone();
+        // The sender ends with the work, so that the events end.
+        let worker = threads.spawn(move || work(&sender, &asked));
+        let mut raised = None;
+        loop {
+            let event = py.detach(|| events.next());
+            let shown = match event {
+                Ok(event) => show(py, progress.filter(|_| raised.is_none()), &event),
+                Err(RecvTimeoutError::Timeout) => Ok(()),
+                Err(RecvTimeoutError::Disconnected) => break,
+            };
+            if let Err(error) = shown.and_then(|()| py.check_signals()) {
+                stop.cancel();
+                raised.get_or_insert(error);
+            }
+        }
+        let done = py.detach(|| worker.join());
+        match (raised, done) {
+            (Some(error), _) => Err(error),
+            (None, Ok(Ok(made))) => Ok(made),
+            (None, Ok(Err(error))) => Err(exception(py, &error)),
+            (None, Err(_)) => Err(exception(py, &Error::new("a thread of the library panicked"))),
+        }
+    })
+}
