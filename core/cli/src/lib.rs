@@ -240,7 +240,7 @@ fn ended_with(console: &Console, done: Result<(), Exit>) -> u8 {
 
 /// Prints the error of the parser, and returns the exit code.
 fn not_understood(error: &clap::Error) -> u8 {
-    // Without standard error, nobody reads it.
+    // Without standard error, no reader is left.
     let _ = error.print();
     u8::try_from(error.exit_code()).unwrap_or(2)
 }

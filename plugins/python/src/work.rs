@@ -62,7 +62,7 @@ impl Events {
 
 impl Reporter for EventSender {
     fn event(&self, event: &Event) {
-        // Without a listener, nobody wants the event.
+        // Without a listener, the event is not wanted.
         let _ = self.0.lock().send(event.clone());
     }
 }
@@ -81,7 +81,7 @@ pub fn show(py: Python<'_>, progress: Option<&Py<PyAny>>, event: &Event) -> PyRe
 }
 
 /// Does work on another thread. The calling thread passes events to `progress`, and handles signals. A signal whose handler
-/// raises, as that of Ctrl-C, or an exception of `progress` asks the work to stop; when it has ended, the exception is raised.
+/// raises (Ctrl-C), or an exception of `progress` asks the work to stop; when it has ended, the exception is raised.
 ///
 /// # Errors
 /// The exception of a signal or of `progress`, or else the error of the work.

@@ -15,7 +15,7 @@ from ._syntable import Mask, __version__
 from .datasets import Dataset, open
 from .errors import Diagnostic, RecipeError, SyntableError
 from .generating import Generation, generate
-from .pictures import show
+from .drawing import show
 from .progress import SyntableWarning
 from .recipes import Recipe, recipe, recipes
 from .samples import Camera, Object, Sample

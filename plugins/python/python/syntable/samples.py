@@ -279,7 +279,7 @@ class Sample:
         return f"Sample({self.name}: {', '.join(self.products)})"
 
     def _repr_png_(self) -> bytes | None:
-        from .pictures import png, sheet
+        from .drawing import png, sheet
 
         try:
             return png(sheet(self))

@@ -114,7 +114,7 @@
       if (edge > best[0]) best = [edge, columns, fits];
     }
     grid.style.setProperty("--columns", best[1]);
-    grid.style.setProperty("--widest", best[2] >= LEAST ? `${Math.floor(best[2])}px` : "none");
+    grid.style.setProperty("--widest", best[2] >= LEAST ? `${Math.floor(best[2])}px` : "1fr");
   };
 
   const enable = () => {

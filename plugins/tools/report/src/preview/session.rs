@@ -10,7 +10,9 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Duration;
+use syntable_formats::draw::DrawColor;
 use syntable_model::error::{Error, Result};
+use syntable_model::product::Plane;
 use syntable_model::registry::Registry;
 use syntable_recipe::RecipeRequest;
 use syntable_runtime::durable::write_file;
@@ -105,13 +107,28 @@ impl<'a> Preview<'a> {
     /// # Errors
     /// If the sheet cannot be drawn or written.
     pub fn once(&mut self, stop: &Stop) -> Result<PassEnd> {
-        let out = self.out.as_deref();
         // The previous sheet stays until all images are finished.
-        let mut show = |news: &News| match news.shown {
-            StudioOutput::Sheet(_) if !news.is_busy => store(out, &png_of(news.shown)?),
-            StudioOutput::Sheet(_) | StudioOutput::Mistakes(_) => Ok(()),
+        let (end, sheet) = self.sheet(stop)?;
+        sheet.map_or(Ok(()), |sheet| store(self.out.as_deref(), &sheet::png(&sheet)?))?;
+        Ok(end)
+    }
+
+    /// Renders one sheet in memory. `None` if the recipe has mistakes, or the work was stopped.
+    ///
+    /// # Errors
+    /// If the sheet cannot be drawn.
+    pub fn sheet(&mut self, stop: &Stop) -> Result<(PassEnd, Option<Plane<DrawColor>>)> {
+        let mut drawn = None;
+        let mut show = |news: &News| {
+            if let StudioOutput::Sheet(sheet) = news.shown
+                && !news.is_busy
+            {
+                drawn = Some(sheet.draw());
+            }
+            Ok(())
         };
-        self.studio.pass(&Watch::default(), stop, &mut show)
+        let end = self.studio.pass(&Watch::default(), stop, &mut show)?;
+        Ok((end, drawn))
     }
 
     /// Renders a sheet after every save of the recipe or of a file that it names, until the caller stops it.

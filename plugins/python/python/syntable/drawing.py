@@ -1,4 +1,4 @@
-"""Pictures of samples for notebooks and scripts."""
+"""Images of samples for notebooks and scripts."""
 
 from __future__ import annotations
 
@@ -75,11 +75,11 @@ def show(sample: Sample, ax: Any = None) -> Any:
         import matplotlib.pyplot as plt
     except ImportError:
         raise ImportError('drawing needs matplotlib: pip install "syntable[viz]"') from None
-    picture = sheet(sample)
+    drawn = sheet(sample)
     if ax is None:
-        height, width, _ = picture.shape
+        height, width, _ = drawn.shape
         _, ax = plt.subplots(figsize=(12, 12 * height / width))
-    ax.imshow(picture)
+    ax.imshow(drawn)
     ax.set_axis_off()
     ax.set_title(f"scene {sample.scene}, view {sample.view}: {len(sample.ids)} objects")
     return ax
