@@ -94,9 +94,18 @@ impl Generator {
         let made = self.made.lock().take();
         py.detach(|| drop(made));
     }
+}
 
-    fn __del__(&self, py: Python<'_>) {
-        self.close(py);
+/// Ends the work. Its threads may need Python's lock to end.
+impl Drop for Generator {
+    fn drop(&mut self) {
+        self.stop.cancel();
+        let Some(made) = self.made.lock().take() else { return };
+        let mut made = Some(made);
+        if Python::try_attach(|py| py.detach(|| drop(made.take()))).is_none() {
+            // Python is gone, and with it all that waits for the threads.
+            std::mem::forget(made);
+        }
     }
 }
 
