@@ -4,6 +4,7 @@ use crate::arguments::RecipeArgs;
 use crate::exit::Exit;
 use crate::progress::{Human, JsonLines};
 use clap::ValueEnum;
+use std::ffi::OsString;
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::sync::Arc;
@@ -23,6 +24,8 @@ pub(crate) enum LogFormat {
 pub struct Console {
     reporter: Arc<dyn Reporter>,
     format: LogFormat,
+    /// The program as the user called it.
+    program: String,
 }
 
 impl Console {
@@ -31,7 +34,13 @@ impl Console {
             LogFormat::Json => Arc::<JsonLines>::default(),
             LogFormat::Human => Arc::new(Human::new(std::io::stderr().is_terminal())),
         };
-        Self { reporter, format }
+        Self { reporter, format, program: "syntable".to_owned() }
+    }
+
+    /// The same, for messages that name commands. A program that is not on the path of the shell has a path as its name.
+    pub(crate) fn called(self, program: Option<&OsString>) -> Self {
+        let path = program.map(Path::new).filter(|path| path.components().count() > 1);
+        Self { program: path.map_or(self.program, |path| path.display().to_string()), ..self }
     }
 
     /// Shows the events of a run.
@@ -66,8 +75,9 @@ impl Console {
         }
     }
 
-    /// Names the next steps, for people: verbs of the program, each with what it does.
+    /// Names the next steps, for people: verbs of the program with their arguments, each with what it does.
     pub(crate) fn suggest(&self, steps: &[(String, &str)]) {
+        let steps: Vec<_> = steps.iter().map(|(step, what)| (format!("{} {step}", self.program), what)).collect();
         let width = steps.iter().map(|(step, _)| step.chars().count()).max().unwrap_or(0);
         for ((step, what), start) in steps.iter().zip(std::iter::once("next:").chain(std::iter::repeat("     "))) {
             if self.format == LogFormat::Human {

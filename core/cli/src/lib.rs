@@ -181,18 +181,19 @@ impl Program {
 
     /// Runs a command line, with the program's name first. Returns the exit code.
     pub fn run_with(self, arguments: impl IntoIterator<Item = OsString>) -> u8 {
+        let arguments: Vec<OsString> = arguments.into_iter().collect();
         let (mut command, verbs) = match command(&self.verbs) {
             Ok(found) => found,
             Err(clash) => return refused(clash),
         };
-        let matches = match command.try_get_matches_from_mut(arguments) {
+        let matches = match command.try_get_matches_from_mut(&arguments) {
             Ok(matches) => matches,
             // Help and version are results, too.
             Err(page) if !page.use_stderr() => return ended_with(&Console::new(LogFormat::Human), page_printed(&page)),
             Err(error) => return not_understood(&with_verb(error)),
         };
         let format = matches.get_one::<LogFormat>("log_format").copied().unwrap_or(LogFormat::Human);
-        let console = Console::new(format);
+        let console = Console::new(format).called(arguments.first());
         let added = matches.subcommand().and_then(|(name, arguments)| Some((verbs.get(name)?, arguments)));
         let done = match added {
             Some((verb, arguments)) => verb.run(&console, &self.registry, arguments),

@@ -89,7 +89,8 @@ impl ProgressState {
     fn pace(&self) -> String {
         let seconds = self.start.elapsed().as_secs_f64();
         let scenes = format!("scene {}/{}", self.scenes, self.scenes_total);
-        if self.images == 0 || seconds <= 0.0 {
+        // Until a scene is done, most of the time went into loading and into scenes that have no images yet.
+        if self.scenes == 0 || self.images == 0 || seconds <= 0.0 {
             return scenes;
         }
         let per_second = self.images as f64 / seconds;

@@ -40,7 +40,7 @@ fn report() -> &'static Path {
     static REPORT: OnceLock<PathBuf> = OnceLock::new();
     REPORT.get_or_init(|| {
         let said = ok(syntable().arg("report").arg(dataset()));
-        assert!(said.contains("4 of 4 images") && said.contains("2 in space"), "{said}");
+        assert!(said.contains("4 of 4 images") && said.contains("2 scenes in 3-D"), "{said}");
         dataset().with_file_name("data-report")
     })
 }
@@ -535,7 +535,7 @@ fn a_damaged_dataset_is_shown_as_far_as_it_goes() {
     let output = syntable().arg("report").arg(&data).arg("--out").arg(&out).output().expect("starts");
     let (said, told) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert_eq!(output.status.code(), Some(3), "{said}{told}");
-    assert!(said.contains("3 of 4 images with labels, 0 in space"), "{said}");
+    assert!(said.contains("3 of 4 images with labels, 0 scenes in 3-D"), "{said}");
     let page = fs::read_to_string(out.join("index.html")).expect("a page");
     let shown = page.replace("&#x2F;", "/");
     for text in [told.as_ref(), shown.as_str()] {

@@ -62,6 +62,6 @@ pub(crate) fn convert(console: &Console, registry: &Registry, args: ConvertArgs)
     }
     converted.caveats.iter().for_each(|caveat| out += &format!("note: {caveat}\n"));
     console.print(&out)?;
-    let help = "see the warnings above; `syntable validate` checks the dataset";
-    Exit::if_left_out(done.left_out(), &options.dataset, help)
+    let help = "see the warnings above; the rest is written, and `syntable validate` checks it";
+    Exit::if_left_out(done.left_out(), &options.out.name(), help)
 }

@@ -72,7 +72,7 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs, progra
     let out = options.out.name();
     end_of(console, &outcome, &out)?;
     let linked = NEXT.iter().filter(|(verb, _)| program.find_subcommand(verb).is_some());
-    let steps = linked.map(|(verb, what)| (format!("syntable {verb} {}", out.display()), *what));
+    let steps = linked.map(|(verb, what)| (format!("{verb} {}", out.display()), *what));
     console.suggest(&steps.collect::<Vec<_>>());
     Ok(())
 }

@@ -93,11 +93,14 @@ pub(crate) fn synonym<'a>(name: &str, candidates: impl IntoIterator<Item = &'a s
 
 /// Returns the candidate nearest to `name`, if one is near.
 pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let candidates: Vec<&str> = candidates.into_iter().collect();
+    let candidates: Vec<&str> = candidates.into_iter().filter(|candidate| *candidate != name).collect();
+    let plain = simplify(name);
+    if let Some(same) = candidates.iter().find(|candidate| simplify(candidate) == plain) {
+        return Some(same);
+    }
     if let Some(meant) = synonym(name, candidates.iter().copied()) {
         return Some(meant);
     }
-    let plain = simplify(name);
     let words = sorted_words(&plain);
     // Ties in edit distance go to the longer common prefix.
     let likeness = |other: &str| strsim::jaro_winkler(&plain, other);
@@ -113,12 +116,16 @@ pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         }
         // A unit or a word left out or added: `radius` for `radius_m`, `samples` for `samples_per_pixel`.
         let part = |short: &str, long: &str| short.len() >= 3 && long.starts_with(short);
-        (part(&plain, &other) || part(&other, &plain) || (plain.len() >= 4 && other.ends_with(&plain)))
-            .then_some(50.0 + distance as f64)
+        if part(&plain, &other) || part(&other, &plain) || (plain.len() >= 4 && other.ends_with(&plain)) {
+            return Some(50.0 + distance as f64);
+        }
+        // A word misspelled, and others left out: `sampels` for `samples_per_pixel`.
+        let start = other.splitn(words.len() + 1, '_').take(words.len()).collect::<Vec<_>>().join("_");
+        let away = strsim::damerau_levenshtein(&plain, &start);
+        (plain.len() >= 5 && away <= 2).then_some(60.0 + away as f64)
     };
     candidates
         .into_iter()
-        .filter(|candidate| *candidate != name)
         .filter_map(|candidate| Some((score(candidate)?, candidate)))
         .min_by(|(a, _), (b, _)| a.total_cmp(b))
         .map(|(_, candidate)| candidate)
@@ -153,6 +160,8 @@ mod tests {
         check("radius", &["height_m", "radius_m"], Some("radius_m"));
         check("samples", &["bounces", "samples_per_pixel"], Some("samples_per_pixel"));
         check("Resolution", &["resolution"], Some("resolution"));
+        check("COCO", &["syntable", "coco"], Some("coco"));
+        check("sampels", &["bounces", "samples_per_pixel"], Some("samples_per_pixel")); // typos: ignore
         check("pixels-min", &["min_pixels", "max_pixels"], Some("min_pixels"));
         check("centre", &["center"], Some("center")); // typos: ignore
         check("banana", &["count", "clearance_m"], None);

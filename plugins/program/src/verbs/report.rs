@@ -7,6 +7,7 @@ use syntable_cli::{Console, Ends, Exit, Message, Verb, amount, ended, on_signals
 use syntable_model::registry::Registry;
 use syntable_report::report::make::{ReportOptions, make};
 use syntable_runtime::images::ImageWork;
+use syntable_runtime::run::progress::count;
 use syntable_runtime::workers::Pool;
 
 syntable_cli::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
@@ -74,12 +75,12 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
         others => format!("; --images all adds the other {others}"),
     };
     console.print(&format!(
-        "{}, read as {}: {} of {} images with labels, {} in space{others}\n",
+        "{}, read as {}: {} of {} images with labels, {} in 3-D{others}\n",
         made.index.display(),
         made.format,
         made.images,
         made.all_images,
-        made.scenes,
+        count(made.scenes as u32, "scene"),
     ))?;
     Exit::if_left_out(made.left_out, &dataset, "`syntable validate` lists all faults")
 }

@@ -126,8 +126,12 @@ fn table_1(all: &[Described]) -> String {
             percent(of.mean_occlusion_rate_of_occluded),
         ]);
     }
-    columns(&rows)
+    columns(&rows) + TABLE_1_TERMS
 }
+
+/// The abbreviations of the paper's table.
+const TABLE_1_TERMS: &str = "#VI visible instances, #OI occluded ones; avg. OR hidden share of all amodal pixels; mean OR mean \
+                             occlusion rate of the instances, and of the occluded ones\n";
 
 /// Number of decimals that distinguish the steps of a quantity, at most three.
 fn decimals(quantity: Quantity) -> usize {
