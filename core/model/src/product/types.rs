@@ -10,7 +10,7 @@ use std::any::TypeId;
 impl<P: Pixel> Product for Plane<P> {
     fn encode(&self) -> Value {
         let mut bytes = Vec::with_capacity(self.data().len() * P::DTYPE.size() * P::CHANNELS.unwrap_or(1));
-        self.data().iter().for_each(|pixel| pixel.write(&mut bytes));
+        P::write_all(self.data(), &mut bytes);
         let size = [self.height() as usize, self.width() as usize];
         Value::Tensor(match P::CHANNELS {
             None => Tensor::new(P::DTYPE, &["y", "x"], size.to_vec(), bytes),
@@ -33,12 +33,10 @@ impl<P: Pixel> Product for Plane<P> {
 
 impl Product for BitPlane {
     fn encode(&self) -> Value {
-        Value::Tensor(Tensor::new(
-            DType::U64,
-            &["y", "x", "word"],
-            vec![self.height() as usize, self.width() as usize, self.words()],
-            self.data().iter().flat_map(|word| word.to_le_bytes()).collect(),
-        ))
+        let mut bytes = Vec::with_capacity(size_of_val(self.data()));
+        u64::write_all(self.data(), &mut bytes);
+        let shape = vec![self.height() as usize, self.width() as usize, self.words()];
+        Value::Tensor(Tensor::new(DType::U64, &["y", "x", "word"], shape, bytes))
     }
 
     fn form() -> Form {
