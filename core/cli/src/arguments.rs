@@ -46,7 +46,7 @@ impl RecipeChanges {
     /// A recipe with these changes as an argument of library functions.
     pub fn request(&self, recipe: Option<PathBuf>) -> RecipeRequest {
         let Self { set, seed, views } = self.clone();
-        RecipeRequest { recipe, set, seed, views }
+        RecipeRequest { recipe, set, seed, views, ..RecipeRequest::default() }
     }
 }
 

@@ -27,6 +27,8 @@ const DEFAULT: &str = "quickstart";
 pub struct RecipeRequest {
     /// Recipe file, or `builtin:NAME`; `builtin:quickstart` if none.
     pub recipe: Option<PathBuf>,
+    /// Text of the recipe, if the caller has read it. No file is read then.
+    pub source: Option<Source>,
     /// Keys to set, as `KEY=VALUE`. The value is TOML; a bare word is text.
     pub set: Vec<String>,
     /// Seed of all randomness: sets `dataset.seed`.
@@ -68,9 +70,10 @@ impl RecipeRequest {
     /// # Errors
     /// If the recipe cannot be read, or an entry of `set` has no `=`.
     pub fn read(&self) -> Result<(Source, Overrides<'static>)> {
-        let source = match &self.recipe {
-            Some(path) => Source::read(path)?,
-            None => Builtin::find(DEFAULT)?.source(),
+        let source = match (&self.source, &self.recipe) {
+            (Some(source), _) => source.clone(),
+            (None, Some(path)) => Source::read(path)?,
+            (None, None) => Builtin::find(DEFAULT)?.source(),
         };
         let mut set = self.set.iter().map(|text| assignment(text)).collect::<Result<Vec<_>>>()?;
         set.extend(self.seed.map(|seed| ("dataset.seed".to_owned(), seed.to_string())));
