@@ -1,5 +1,10 @@
 //! Samples in memory: the views of a recipe's scenes with the products that a program requests, without files.
 
+mod order;
+mod source;
+
+pub use source::{NextScene, SceneSource};
+
 use crate::cache::DiskCache;
 use crate::pools::AssetStore;
 use crate::run::dataset::loss::Loss;
@@ -15,11 +20,12 @@ use crate::run::progress::{Event, Guarded, Once, Reporter, Warnings};
 use crate::run::scene_range;
 use crate::run::stop::Stop;
 use crate::workers::{self, Pool, Stoppable};
-use parking_lot::{Condvar, Mutex};
-use std::collections::BTreeMap;
+use order::{Closing, SceneOrder, SceneSamples};
+use parking_lot::Mutex;
+use source::{Requests, SceneList};
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 use syntable_model::context::{SceneContext, ViewContext};
@@ -93,42 +99,61 @@ pub fn generate(
     reporter: &dyn Reporter,
     take: &mut dyn FnMut(Sample) -> Result<()>,
 ) -> Result<Generated> {
+    let scenes = scene_range::within(options.scenes.as_ref(), recipe.dataset.scenes)?;
+    let (scenes, count) = (SceneList::new(scenes.clone()), scenes.len());
+    generate_scenes(recipe, options, (&scenes, count), reporter, &mut |_, samples| {
+        samples.into_iter().flatten().try_for_each(&mut *take)
+    })
+}
+
+/// Makes the scenes of a source, of which at most `count` are in work, and passes the samples of each to `take`, in the order
+/// of the source. A scene that fails has `None`. The options' scenes do not matter.
+///
+/// # Errors
+/// As [`generate`], and if the recipe lacks a scene of the source.
+pub fn generate_scenes(
+    recipe: &Recipe,
+    options: &GenerateOptions,
+    (scenes, count): (&dyn SceneSource, usize),
+    reporter: &dyn Reporter,
+    take: &mut dyn FnMut(u32, Option<Vec<Sample>>) -> Result<()>,
+) -> Result<Generated> {
     let guarded = Guarded(reporter);
     let reporter = &Once::new(&guarded);
     let (pool, log) = (Pool::new(options.threads)?, Warnings(reporter));
-    let scenes = scene_range::within(options.scenes.as_ref(), recipe.dataset.scenes)?;
     recipe.ready(options.allow_libraries)?;
     recipe.fits()?;
     let components =
         recipe.components.all().map(|component| SampleWork::of(recipe, component, options)).collect::<Result<_>>()?;
     let (assets, times) = (AssetStore::open(recipe, &log)?, Times::default());
-    let in_flight = scenes_in_flight(recipe, options.threads, scenes.len());
-    let sessions = AllSessions::open(recipe, scenes.clone(), in_flight)?;
+    let in_flight = scenes_in_flight(recipe, options.threads, count);
+    let sessions = AllSessions::open(recipe, scenes.all(), in_flight)?;
     let stop = options.stop.nested();
     let (workers, cache) = (&Stoppable { workers: &pool, stop: &stop }, &options.cache);
     let tools = Tools { recipe, assets: &assets, cache, workers, log: &log, times: &times, stop: &stop };
     let maker = SampleMaker { tools, reporter, sessions: &sessions, components, left_out: Mutex::default() };
-    let order = SceneOrder::new(scenes.start, scenes.len().min(in_flight) as u32);
+    let order = SceneOrder::new(scenes, count.min(in_flight) as u64);
     let mut failed = Vec::new();
     let result = panics::quiet(|| {
         thread::scope(|threads| {
             let queue = Queue::start(threads, options.threads);
             for _ in 0..in_flight {
-                let (queue, maker, order, end) = (queue.clone(), &maker, &order, scenes.end);
+                let (queue, maker, order) = (queue.clone(), &maker, &order);
                 threads.spawn(move || {
-                    while let Some(scene) = order.begin(end) {
-                        order.put(scene, panics::unwound(|| maker.scene(scene, &queue)));
+                    while let Some((place, scene)) = order.begin() {
+                        order.put(place, scene, panics::unwound(|| maker.scene(scene, &queue)));
                     }
                 });
             }
             drop(queue);
             // The threads end with the loop, even after an error or a panic.
             let _closed = Closing(&order, &stop);
-            for scene in scenes.clone() {
-                match order.take(scene)? {
-                    Some(samples) => samples.into_iter().try_for_each(&mut *take)?,
-                    None => failed.push(scene),
+            while let Some((scene, samples)) = order.take() {
+                let samples = samples?;
+                if samples.is_none() {
+                    failed.push(scene);
                 }
+                take(scene, samples)?;
             }
             Ok(())
         })
@@ -185,6 +210,10 @@ impl SampleMaker<'_> {
     /// The samples of a scene. `None` if the scene fails. An error stops the work.
     fn scene<'env>(&'env self, scene: u32, queue: &Queue<'env>) -> SceneSamples {
         let Self { tools, reporter, .. } = *self;
+        let scenes = tools.recipe.dataset.scenes;
+        if scene >= scenes {
+            return Err(Error::new(format!("scene {scene}: the recipe has scenes 0..{scenes}")).of_request());
+        }
         let attempts = SceneAttempts { tools, reporter, scene, first: 0, is_present: false };
         let attempts = attempts.make(|number| self.attempt(scene, number, queue), Ok);
         Ok(attempts.map_err(|error| error.context(format!("scene {scene}")))?.made)
@@ -230,73 +259,11 @@ impl ViewSink for SampleSink {
     }
 }
 
-/// The samples of a scene. `None` if the scene failed.
-type SceneSamples = Result<Option<Vec<Sample>>>;
+/// Takes a sample.
+type Take<'a> = &'a mut dyn FnMut(Sample) -> Result<()>;
 
-/// Scenes that are made in any order and taken in ascending order. No scene begins too far ahead of the next one to
-/// take.
-struct SceneOrder {
-    state: Mutex<SceneOrderState>,
-    moved: Condvar,
-    ahead: u32,
-}
-
-struct SceneOrderState {
-    /// The next scene to begin.
-    next: u32,
-    /// The next scene to take.
-    taken: u32,
-    done: BTreeMap<u32, SceneSamples>,
-    is_closed: bool,
-}
-
-impl SceneOrder {
-    fn new(first: u32, ahead: u32) -> Self {
-        let state = SceneOrderState { next: first, taken: first, done: BTreeMap::new(), is_closed: false };
-        Self { state: Mutex::new(state), moved: Condvar::new(), ahead }
-    }
-
-    /// The next scene to make. `None` after the last one.
-    fn begin(&self, end: u32) -> Option<u32> {
-        let mut state = self.state.lock();
-        while !state.is_closed && state.next < end && state.next >= state.taken.saturating_add(self.ahead) {
-            self.moved.wait(&mut state);
-        }
-        let scene = (!state.is_closed && state.next < end).then_some(state.next)?;
-        state.next += 1;
-        Some(scene)
-    }
-
-    fn put(&self, scene: u32, samples: SceneSamples) {
-        self.state.lock().done.insert(scene, samples);
-        self.moved.notify_all();
-    }
-
-    /// Waits for a scene.
-    fn take(&self, scene: u32) -> SceneSamples {
-        let mut state = self.state.lock();
-        let samples = loop {
-            match state.done.remove(&scene) {
-                Some(samples) => break samples,
-                None => self.moved.wait(&mut state),
-            }
-        };
-        state.taken = scene + 1;
-        self.moved.notify_all();
-        samples
-    }
-}
-
-/// When dropped, prevents further scenes from starting, and stops the scenes in progress.
-struct Closing<'a>(&'a SceneOrder, &'a Stop);
-
-impl Drop for Closing<'_> {
-    fn drop(&mut self) {
-        self.0.state.lock().is_closed = true;
-        self.1.cancel();
-        self.0.moved.notify_all();
-    }
-}
+/// Number of scenes in addition to the threads from which the length of a list does not matter.
+const LISTED: usize = 1024;
 
 /// Iterator of samples, which separate threads make while the caller works. Dropping it ends the work.
 ///
@@ -311,12 +278,35 @@ pub struct Generator {
 impl Generator {
     /// Starts to make samples.
     pub fn start(recipe: Arc<Recipe>, options: GenerateOptions, reporter: Arc<dyn Reporter>) -> Self {
+        Self::spawn(options, move |options, take| generate(&recipe, options, &*reporter, take))
+    }
+
+    /// Starts to make the samples of a list of scenes, in its order. The options' scenes do not matter.
+    pub fn of_scenes(
+        recipe: Arc<Recipe>,
+        options: GenerateOptions,
+        scenes: impl Iterator<Item = u32> + Clone + Send + Sync + 'static,
+        reporter: Arc<dyn Reporter>,
+    ) -> Self {
+        Self::spawn(options, move |options, take| {
+            let count = scenes.clone().take(options.threads + LISTED).count();
+            let scenes = SceneList::new(scenes);
+            generate_scenes(&recipe, options, (&scenes, count), &*reporter, &mut |_, samples| {
+                samples.into_iter().flatten().try_for_each(&mut *take)
+            })
+        })
+    }
+
+    fn spawn(
+        options: GenerateOptions,
+        work: impl FnOnce(&GenerateOptions, Take) -> Result<Generated> + Send + 'static,
+    ) -> Self {
         let (sender, samples) = sync_channel(WAITING);
         // The caller's handle may belong to other work, too.
         let stop = options.stop.nested();
         let options = GenerateOptions { stop: stop.clone(), ..options };
         let thread = thread::spawn(move || {
-            generate(&recipe, &options, &*reporter, &mut |sample| {
+            work(&options, &mut |sample| {
                 // The receiver is gone once the iterator is dropped.
                 sender.send(sample).map_err(|_| Error::new("the samples are no longer wanted"))
             })
@@ -380,5 +370,60 @@ impl Drop for Generator {
             self.samples = None;
             let _ = thread.join();
         }
+    }
+}
+
+/// Makes scenes on request. Dropping it ends the work.
+pub struct SceneService {
+    requests: Option<Sender<u32>>,
+    made: Receiver<(u32, Option<Vec<Sample>>)>,
+    thread: Option<JoinHandle<Result<Generated>>>,
+    stop: Stop,
+}
+
+impl SceneService {
+    /// Starts the threads, which wait for requests. The options' scenes do not matter.
+    pub fn start(recipe: Arc<Recipe>, options: GenerateOptions, reporter: Arc<dyn Reporter>) -> Self {
+        let ((requests, asked), (sender, made)) = (channel(), channel());
+        let stop = options.stop.nested();
+        let options = GenerateOptions { stop: stop.clone(), ..options };
+        let thread = thread::spawn(move || {
+            let (source, count) = (Requests::new(asked), recipe.dataset.scenes as usize);
+            generate_scenes(&recipe, &options, (&source, count), &*reporter, &mut |scene, samples| {
+                sender.send((scene, samples)).map_err(|_| Error::new("the scenes are no longer wanted"))
+            })
+        });
+        Self { requests: Some(requests), made, thread: Some(thread), stop }
+    }
+
+    /// Requests a scene.
+    pub fn request(&self, scene: u32) {
+        // If the work has ended, the next wait returns its error.
+        let _ = self.requests.as_ref().map(|requests| requests.send(scene));
+    }
+
+    /// The next of the requested scenes, in the order of requests: its number and samples, `None` if it failed. `None` after
+    /// `patience`.
+    ///
+    /// # Errors
+    /// If the work has ended.
+    pub fn next_within(&mut self, patience: Duration) -> Result<Option<(u32, Option<Vec<Sample>>)>> {
+        match self.made.recv_timeout(patience) {
+            Ok(made) => Ok(Some(made)),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => Err(match self.thread.take().map(JoinHandle::join) {
+                Some(Ok(Err(error))) => error,
+                Some(Err(_)) => Error::new("the thread that makes scenes panicked"),
+                Some(Ok(Ok(_))) | None => Error::new("the work on scenes has ended"),
+            }),
+        }
+    }
+}
+
+impl Drop for SceneService {
+    fn drop(&mut self) {
+        self.requests = None;
+        self.stop.cancel();
+        let _ = self.thread.take().map(JoinHandle::join);
     }
 }

@@ -2,11 +2,12 @@
 
 use crate::kit::{Counters, THOUGHT, TICK, TRACK, registry, run};
 use std::sync::Arc;
+use std::time::Duration;
 use syntable_model::product::{Products, Value};
 use syntable_model::stage::Input;
 use syntable_recipe::{Overrides, Recipe, Source};
 use syntable_runtime::cache::DiskCache;
-use syntable_runtime::generate::{GenerateOptions, Generated, Generator, Sample, generate};
+use syntable_runtime::generate::{GenerateOptions, Generated, Generator, Sample, SceneService, generate};
 use syntable_runtime::run::preview::{Previewer, Wanted};
 use syntable_runtime::run::progress::{Quiet, Warnings};
 use syntable_runtime::run::stop::Stop;
@@ -66,6 +67,27 @@ fn samples_are_what_a_run_writes() {
     let generator = Generator::start(Arc::new(load("")), some, Arc::new(Quiet));
     let samples: Vec<_> = generator.map(|sample| told(&sample.expect("made"))).collect();
     assert_eq!(samples, wanted[3..9]);
+    let steps = Generator::of_scenes(Arc::new(load("")), options(2), (0..5).step_by(4), Arc::new(Quiet));
+    let samples: Vec<_> = steps.map(|sample| told(&sample.expect("made"))).collect();
+    assert_eq!(samples, [&wanted[..3], &wanted[12..]].concat());
+    let mut beyond = Generator::of_scenes(Arc::new(load("")), options(2), 4..6, Arc::new(Quiet)).skip(3);
+    let error = beyond.next().expect("an error").err().expect("the recipe has no scene 5").to_string();
+    assert!(error.contains("scene 5: the recipe has scenes 0..5"), "{error}");
+    // Scenes on request, in any order.
+    let mut service = SceneService::start(Arc::new(load("")), options(3), Arc::new(Quiet));
+    let patience = Duration::from_millis(1);
+    assert!(service.next_within(patience).expect("it waits").is_none());
+    let asked = [3, 0, 3, 4, 1];
+    asked.iter().for_each(|scene| service.request(*scene));
+    for scene in asked {
+        let made = loop {
+            if let Some(made) = service.next_within(patience).expect("it works") {
+                break made;
+            }
+        };
+        let samples: Vec<_> = made.1.expect("samples").iter().map(told).collect();
+        assert_eq!((made.0, &samples[..]), (scene, &wanted[3 * scene as usize..][..3]));
+    }
 }
 
 #[test]

@@ -103,7 +103,7 @@ fn make_scenes(
     let in_flight = options.scenes_in_flight.map_or(in_flight, |most| in_flight.min(most.max(1)));
     let works = Works::new(recipe, todo);
     let tasks = todo.scenes.iter().map(|(&scene, job)| works.task(scene, job)).collect();
-    let sessions = AllSessions::open(recipe, todo.scenes.keys().copied(), in_flight)?;
+    let sessions = AllSessions::open(recipe, Some(todo.scenes.keys().copied()), in_flight)?;
     let cache = &options.cache;
     let workers = &Stoppable { workers: pool, stop: &options.stop };
     let tools = Tools { recipe, assets, cache, workers, log: &log, times, stop: &options.stop };

@@ -37,9 +37,13 @@ pub struct AllSessions<'a>(Vec<(&'a Arc<dyn Renderer>, Sessions<'a>)>);
 impl<'a> AllSessions<'a> {
     /// The sessions of each renderer that makes one of the scenes, for a number of scenes in flight. An only renderer opens its
     /// sessions at once, so that a device that fails ends the run before the first scene. Several renderers open theirs when
-    /// scenes need them.
-    pub fn open(recipe: &'a Recipe, scenes: impl Iterator<Item = u32>, in_flight: usize) -> Result<Self> {
-        let used: BTreeSet<usize> = scenes.map(|scene| recipe.component_of(scene).0).collect();
+    /// scenes need them. If the scenes are not known, any renderer may make one.
+    pub fn open<S: Iterator<Item = u32>>(recipe: &'a Recipe, scenes: Option<S>, in_flight: usize) -> Result<Self> {
+        let count = recipe.components.all().count();
+        let used: BTreeSet<usize> = match scenes {
+            Some(scenes) if count > 1 => scenes.map(|scene| recipe.component_of(scene).0).collect(),
+            _ => (0..count).collect(),
+        };
         let mut renderers: Vec<&Arc<dyn Renderer>> = Vec::new();
         for (_, Component { render, .. }) in recipe.components.all().enumerate().filter(|(at, _)| used.contains(at)) {
             if !renderers.iter().any(|other| Arc::ptr_eq(other, render)) {
