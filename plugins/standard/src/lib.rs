@@ -89,7 +89,7 @@ pub const STOCK_CRATES: [&str; 14] = [
 
 model::inventory::submit! { model::registry::StockCrates(&STOCK_CRATES) }
 
-pub use syntable_evaluate::{self as evaluation, EvaluateOptions, Evaluation, evaluate};
+pub use syntable_evaluate::{self as evaluation, EvaluateOptions, Evaluation, evaluate, evaluate_detections};
 pub use syntable_model as model;
 pub use syntable_model::error::Error;
 pub use syntable_model::reader::Source as DatasetSource;
@@ -101,7 +101,7 @@ pub use syntable_report::{report, stats, view};
 pub use syntable_runtime::cache::DiskCache;
 pub use syntable_runtime::check::{CheckedRecipe, check, check_assets};
 pub use syntable_runtime::conversion::{Conversion, ConvertOptions, convert};
-pub use syntable_runtime::generate::{GenerateOptions, Generated, Generator, Sample, generate};
+pub use syntable_runtime::generate::{GenerateOptions, Generated, Generator, Sample, SceneService, generate};
 pub use syntable_runtime::images::ImageWork;
 pub use syntable_runtime::left_out::LeftOutReport;
 pub use syntable_runtime::run::progress::{Event, Quiet, Reporter};

@@ -4,6 +4,7 @@ use crate::categories::ByCategory;
 use crate::image::ImagePair;
 use crate::masked_object::{MaskedObject, Occluded};
 use crate::measure::{Measurement, Measures, MetricKind, Tally};
+use crate::memory::{Detection, Detections};
 use crate::predictions::{self, Predictions, check_masks, instances};
 use crate::table::{EvaluatedImage, EvaluationTable, Score};
 use crate::{Convention, bootstrap, worst};
@@ -87,6 +88,34 @@ pub struct Evaluation {
 /// # Errors
 /// If a name is unknown, masks that the metrics need are missing, a file cannot be read, or the work was stopped.
 pub fn evaluate(registry: &Registry, options: &EvaluateOptions, work: &ImageWork) -> Result<Evaluation> {
+    evaluate_with(registry, options, work, |truth| {
+        let (pred, format) = (&options.predictions, options.predictions_format.as_deref());
+        Predictions::open(registry, pred, format, options.min_score, (&options.truth.path, truth))
+    })
+}
+
+/// Scores predictions in memory. The options' predictions name them in messages.
+///
+/// # Errors
+/// As [`evaluate`], and if a prediction belongs to no image.
+pub fn evaluate_detections(
+    registry: &Registry,
+    options: &EvaluateOptions,
+    detections: Vec<Detection>,
+    work: &ImageWork,
+) -> Result<Evaluation> {
+    evaluate_with(registry, options, work, |truth| {
+        let detections = Detections::new(detections, options.min_score, truth)?;
+        Ok(("memory", Predictions::Memory(detections)))
+    })
+}
+
+fn evaluate_with(
+    registry: &Registry,
+    options: &EvaluateOptions,
+    work: &ImageWork,
+    predicted: impl FnOnce(&OpenDataset) -> Result<(&'static str, Predictions)>,
+) -> Result<Evaluation> {
     let EvaluateOptions { truth: gt, predictions: pred, .. } = options;
     let mut measures = Measures::named(&options.metrics, &options.more_metrics, options.convention)?;
     if options.by_category && !options.metrics.is_empty() && !options.metrics.iter().any(|name| name == "coco") {
@@ -98,13 +127,7 @@ pub fn evaluate(registry: &Registry, options: &EvaluateOptions, work: &ImageWork
     if truth.images.is_empty() {
         return Err(Error::new("the dataset has no image").in_file(&gt.path));
     }
-    let (predictions_format, predictions) = Predictions::open(
-        registry,
-        pred,
-        options.predictions_format.as_deref(),
-        options.min_score,
-        (&gt.path, &truth),
-    )?;
+    let (predictions_format, predictions) = predicted(&truth)?;
     let by_category = options.by_category.then(|| ByCategory::new(truth.info.categories()));
     let categories = by_category.iter().flat_map(ByCategory::words).map(str::to_owned).collect();
     if let Some(by_category) = by_category {

@@ -13,7 +13,7 @@
 //! | [`coco`], [`categories`] | COCO's AP and AR of masks and boxes, over all categories and by category |
 //! | [`strata`] | scores of objects by occlusion rate and by size |
 //! | [`bootstrap`] | confidence intervals |
-//! | [`predictions`], [`results`], [`label_maps`] | sources of predictions: datasets, result files, label maps |
+//! | [`predictions`], [`results`], [`label_maps`], [`memory`] | sources of predictions: datasets, result files, label maps, memory |
 //! | [`names`] | the image for a name |
 //! | [`worst`] | the images with the lowest scores, with their predictions, for reports |
 //!
@@ -30,6 +30,7 @@ pub mod masked_object;
 pub mod masks;
 pub mod matching;
 pub mod measure;
+pub mod memory;
 pub mod names;
 pub mod occlusion;
 pub mod order;
@@ -40,7 +41,7 @@ pub mod strata;
 pub mod table;
 pub mod worst;
 
-pub use evaluation::{EvaluateOptions, Evaluation, evaluate};
+pub use evaluation::{EvaluateOptions, Evaluation, evaluate, evaluate_detections};
 pub use syntable_model::inventory;
 
 /// Aggregation convention, where the paper's text and the released code differ.

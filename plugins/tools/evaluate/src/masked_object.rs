@@ -45,6 +45,30 @@ impl Occluded {
     }
 }
 
+/// Masks of a detector.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DetectedMasks {
+    /// Visible mask.
+    pub visible: Mask,
+    /// Amodal mask. Without it, the union of the visible mask and the occlusion mask.
+    pub amodal: Option<Mask>,
+    /// Occlusion mask. Without it, the amodal mask minus the visible mask.
+    pub occlusion: Option<Mask>,
+    /// Whether the object is occluded, if the detector states it; otherwise this is derived from the masks.
+    pub is_occluded: Option<bool>,
+}
+
+impl DetectedMasks {
+    /// The predicted object.
+    pub fn object(self, occluded: Occluded) -> MaskedObject {
+        let Self { visible, amodal, occlusion, is_occluded } = self;
+        let amodal = amodal.unwrap_or_else(|| occlusion.as_ref().map_or(visible.clone(), |hidden| visible.or(hidden)));
+        let least = occluded.least(occlusion.is_some());
+        let object = MaskedObject::predicted_from(least, amodal, visible, occlusion);
+        MaskedObject { is_occluded: is_occluded.unwrap_or(object.is_occluded), ..object }
+    }
+}
+
 impl MaskedObject {
     /// A labeled object: occluded if any pixel is hidden.
     pub fn labeled(amodal: Mask, visible: Mask) -> Self {

@@ -1,7 +1,8 @@
-//! Sources of labels and predictions: a dataset in any readable format, label maps, or a result file.
+//! Sources of labels and predictions: a dataset in any readable format, label maps, a result file, or memory.
 
 use crate::label_maps::{self, LabelMaps};
 use crate::masked_object::{MaskedObject, Occluded};
+use crate::memory::Detections;
 use crate::names::ImageNames;
 use crate::results::ResultFile;
 use std::collections::BTreeMap;
@@ -35,6 +36,8 @@ pub enum Predictions {
     Dataset(Box<OpenDataset>, Vec<usize>, BTreeMap<u32, u32>),
     /// A result file.
     Results(ResultFile),
+    /// Predictions in memory.
+    Memory(Detections),
 }
 
 impl Predictions {
@@ -94,6 +97,7 @@ impl Predictions {
                 Ok([instances, Vec::new()])
             }
             Self::Results(results) => results.instances(image, size, occluded),
+            Self::Memory(detections) => detections.instances(image, size, occluded),
         }
     }
 }

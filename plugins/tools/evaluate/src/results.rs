@@ -3,7 +3,7 @@
 //! Memory holds only the position of each prediction in the file, its image and its score.
 
 use crate::coco::MOST;
-use crate::masked_object::{MaskedObject, Occluded};
+use crate::masked_object::{DetectedMasks, MaskedObject, Occluded};
 use crate::names::ImageNames;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
@@ -50,6 +50,25 @@ fn category<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<O
 enum ImageId {
     Number(u64),
     Name(String),
+}
+
+/// Predictions of an image by descending score, as rankings need them: the number of those with at least the score
+/// `least`, and all places to read. Of the others, rankings over all categories and by category need the first [`MOST`].
+/// If scores are equal, the earlier prediction comes first.
+pub(crate) fn ranked<T>(
+    places: &[T],
+    least: f64,
+    score: impl Fn(&T) -> f64,
+    category: impl Fn(&T) -> Option<u32>,
+) -> (usize, Vec<&T>) {
+    let kept = places.partition_point(|place| score(place) >= least);
+    let mut ranks: BTreeMap<Option<u32>, usize> = BTreeMap::new();
+    let mut is_ranked = |(index, place): &(usize, &T)| {
+        let rank = ranks.entry(category(place)).or_default();
+        *rank += 1;
+        *index < kept.max(MOST) || *rank <= MOST
+    };
+    (kept, places.iter().enumerate().filter(|it| is_ranked(it)).map(|it| it.1).collect())
 }
 
 impl<'de> Deserialize<'de> for ImageId {
@@ -150,16 +169,8 @@ impl ResultFile {
                 prediction.instance(size, occluded).map_err(|error| error.in_file(&self.path).at_line(place.line))?;
             Ok(MaskedObject { score: Some(place.score), category: place.category, ..instance })
         };
-        let places = &self.places[image];
-        let kept = places.partition_point(|place| place.score >= self.least);
-        let mut ranks: BTreeMap<Option<u32>, usize> = BTreeMap::new();
-        let mut is_ranked = |(index, place): (usize, &PredictionLocation)| {
-            let rank = ranks.entry(place.category).or_default();
-            *rank += 1;
-            (index < kept.max(MOST) || *rank <= MOST).then_some(*place)
-        };
-        let read_all: Vec<PredictionLocation> = places.iter().enumerate().filter_map(&mut is_ranked).collect();
-        let mut likely = read_all.iter().map(read).collect::<Result<Vec<_>>>()?;
+        let (kept, places) = ranked(&self.places[image], self.least, |place| place.score, |place| place.category);
+        let mut likely = places.into_iter().map(read).collect::<Result<Vec<_>>>()?;
         let unlikely = likely.split_off(kept);
         Ok([likely, unlikely])
     }
@@ -178,10 +189,7 @@ impl Prediction {
         let optional = |key, of: &Option<Segmentation>| of.as_ref().map(|it| decode(key, it)).transpose();
         let amodal = optional("amodal_segmentation", &self.amodal_segmentation)?;
         let occlusion = optional("occlusion_segmentation", &self.occlusion_segmentation)?;
-        let amodal = amodal.unwrap_or_else(|| occlusion.as_ref().map_or(visible.clone(), |hidden| visible.or(hidden)));
-        let least = occluded.least(occlusion.is_some());
-        let instance = MaskedObject::predicted_from(least, amodal, visible, occlusion);
-        Ok(MaskedObject { is_occluded: self.occluded.unwrap_or(instance.is_occluded), ..instance })
+        Ok(DetectedMasks { visible, amodal, occlusion, is_occluded: self.occluded }.object(occluded))
     }
 }
 
