@@ -7,16 +7,46 @@ use crate::work::{EventSender, Events, SIGNALS, check_process, events, show};
 use parking_lot::Mutex;
 use pyo3::prelude::*;
 use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
 use syntable::{GenerateOptions, Stop};
 use syntable_recipe::message::Message;
 use syntable_runtime::generate::Waited;
 use syntable_runtime::run::progress::Reporter;
 
+/// Who may take the next sample.
+enum Turn {
+    /// Anybody.
+    Free(syntable::Generator),
+    /// A thread that waits for it.
+    Taken,
+    /// Nobody: the last sample was taken, or the work was closed.
+    Over,
+}
+
+impl Turn {
+    /// Takes the turn, if it is free.
+    fn take(&mut self) -> Self {
+        match self {
+            Self::Free(_) => std::mem::replace(self, Self::Taken),
+            Self::Taken => Self::Taken,
+            Self::Over => Self::Over,
+        }
+    }
+
+    /// Ends all turns.
+    fn end(&mut self) -> Self {
+        std::mem::replace(self, Self::Over)
+    }
+}
+
+/// Interval at which a thread looks whether its turn has come.
+const TURN: Duration = Duration::from_millis(2);
+
 /// Iterator of samples, which other threads make ahead.
 #[pyclass(frozen, module = "syntable._syntable")]
 pub struct Generator {
-    /// None while a thread waits for a sample, and after [`Generator::close`].
-    made: Mutex<Option<syntable::Generator>>,
+    turn: Mutex<Turn>,
     events: Events,
     progress: Option<Py<PyAny>>,
     stop: Stop,
@@ -25,14 +55,14 @@ pub struct Generator {
 
 #[pymethods]
 impl Generator {
-    /// Starts to make samples. `products` are the names of what samples have; scenes are half-open.
+    /// Starts to make samples. `products` are the names of what samples have; `scenes` are the first number, the end and the step.
     #[new]
     #[pyo3(signature = (recipe, products, scenes, threads, allow_libraries, progress))]
     fn new(
         py: Python<'_>,
         recipe: &Recipe,
         products: Vec<String>,
-        scenes: Option<(u32, u32)>,
+        scenes: Option<(u32, u32, usize)>,
         threads: Option<usize>,
         allow_libraries: bool,
         progress: Option<Py<PyAny>>,
@@ -44,10 +74,18 @@ impl Generator {
         let stop = Stop::default();
         let mut options =
             GenerateOptions { products, allow_libraries, stop: stop.clone(), ..GenerateOptions::default() };
-        options.scenes = scenes.map(|(first, end)| first..end);
         options.threads = threads.unwrap_or(options.threads);
-        let made = syntable::Generator::start(recipe, options, Arc::new(sender));
-        Ok(Self { made: Mutex::new(Some(made)), events, progress, stop, failed: Mutex::default() })
+        let sender = Arc::new(sender);
+        let made = match scenes {
+            Some((first, end, step)) if step > 1 => {
+                syntable::Generator::of_scenes(recipe, options, (first..end).step_by(step), sender)
+            }
+            scenes => {
+                options.scenes = scenes.map(|(first, end, _)| first..end);
+                syntable::Generator::start(recipe, options, sender)
+            }
+        };
+        Ok(Self { turn: Mutex::new(Turn::Free(made)), events, progress, stop, failed: Mutex::default() })
     }
 
     fn __iter__(self_: PyRef<'_, Self>) -> PyRef<'_, Self> {
@@ -56,12 +94,23 @@ impl Generator {
 
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Sample>> {
         check_process(py)?;
-        let Some(mut made) = self.made.lock().take() else { return Ok(None) };
+        let mut made = loop {
+            let turn = self.turn.lock().take();
+            match turn {
+                Turn::Free(made) => break made,
+                Turn::Over => return Ok(None),
+                Turn::Taken => {
+                    py.detach(|| thread::sleep(TURN));
+                    py.check_signals()?;
+                }
+            }
+        };
         let waited = loop {
             let waited = py.detach(|| made.next_within(SIGNALS));
             let shown = self.show(py).and_then(|()| py.check_signals());
             if let Err(raised) = shown {
                 self.stop.cancel();
+                self.turn.lock().end();
                 py.detach(|| drop(made));
                 return Err(raised);
             }
@@ -69,13 +118,24 @@ impl Generator {
                 break next;
             }
         };
+        let mut turn = self.turn.lock();
+        if matches!(*turn, Turn::Over) {
+            // Another thread closed the work meanwhile.
+            drop(turn);
+            py.detach(|| drop((waited, made)));
+            return Ok(None);
+        }
         match waited {
             Some(Ok(sample)) => {
-                *self.made.lock() = Some(made);
+                *turn = Turn::Free(made);
                 Ok(Some(Sample::made(*sample)))
             }
-            Some(Err(error)) => Err(exception(py, &error)),
+            Some(Err(error)) => {
+                turn.end();
+                Err(exception(py, &error))
+            }
             None => {
+                turn.end();
                 self.failed.lock().clone_from(&made.result().failed);
                 Ok(None)
             }
@@ -91,8 +151,8 @@ impl Generator {
     /// Ends the work. Later calls of `next` raise StopIteration.
     fn close(&self, py: Python<'_>) {
         self.stop.cancel();
-        let made = self.made.lock().take();
-        py.detach(|| drop(made));
+        let ended = self.turn.lock().end();
+        py.detach(|| drop(ended));
     }
 }
 
@@ -100,8 +160,7 @@ impl Generator {
 impl Drop for Generator {
     fn drop(&mut self) {
         self.stop.cancel();
-        let Some(made) = self.made.lock().take() else { return };
-        let mut made = Some(made);
+        let mut made = Some(self.turn.lock().end());
         if Python::try_attach(|py| py.detach(|| drop(made.take()))).is_none() {
             // Python is gone, and with it all that waits for the threads.
             std::mem::forget(made);

@@ -12,6 +12,7 @@ mod masks;
 mod recipe;
 mod registry;
 mod sample;
+mod scenes;
 mod values;
 mod verbs;
 mod work;
@@ -28,13 +29,15 @@ mod _syntable {
     #[pymodule_export]
     use super::generator::Generator;
     #[pymodule_export]
-    use super::masks::Mask;
+    use super::masks::{Mask, masks_of};
     #[pymodule_export]
     use super::recipe::{Recipe, builtin_recipes};
     #[pymodule_export]
     use super::sample::Sample;
     #[pymodule_export]
-    use super::verbs::{convert, run, validate};
+    use super::scenes::Scenes;
+    #[pymodule_export]
+    use super::verbs::{Viewer, convert, evaluate, merge, plan, preview, report, run, stats, validate, verify};
     use super::*;
 
     #[pymodule_init]

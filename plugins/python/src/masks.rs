@@ -1,13 +1,13 @@
 //! Binary masks, unpacked on request.
 
 use crate::errors::exception;
-use numpy::ndarray::{Array2, Array3};
-use numpy::{IntoPyArray, PyArray2, PyArray3, PyReadonlyArray2};
-use pyo3::exceptions::PyValueError;
+use numpy::ndarray::{Array2, Array3, ArrayView2};
+use numpy::{IntoPyArray, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use syntable_model::error::Error;
-use syntable_model::product;
+use syntable_model::product::{self, Plane};
 
 /// A binary mask of an image, run-length encoded.
 #[pyclass(frozen, eq, module = "syntable", name = "Mask")]
@@ -42,25 +42,50 @@ pub fn stack<'py>(
     Ok(pixels.into_pyarray(py))
 }
 
+/// The masks of a boolean array of three axes: masks × height × width.
+#[pyfunction]
+pub fn masks_of(array: &Bound<'_, PyAny>) -> PyResult<Vec<Mask>> {
+    let found: PyReadonlyArray3<'_, bool> =
+        array.extract().map_err(|_| not_boolean(array, "masks × height × width"))?;
+    found.as_array().outer_iter().map(|mask| of_array(array.py(), &mask)).collect()
+}
+
+fn not_boolean(array: &Bound<'_, PyAny>, axes: &str) -> PyErr {
+    let text = |name: &str| array.getattr(name).and_then(|it| Ok(it.str()?.to_string()));
+    let what = match (text("dtype"), text("shape")) {
+        (Ok(dtype), Ok(shape)) => format!("an array of {dtype} with the shape {shape}"),
+        _ => array.get_type().name().map_or_else(|_| "another object".to_owned(), |name| format!("a {name}")),
+    };
+    PyTypeError::new_err(format!("a mask is a boolean NumPy array of {axes}, such as `array > 0`, not {what}"))
+}
+
+fn of_array(py: Python<'_>, array: &ArrayView2<'_, bool>) -> PyResult<Mask> {
+    let (height, width) = array.dim();
+    let size = [width, height].map(u32::try_from);
+    let ([Ok(columns), Ok(rows)], true) = (size, width.checked_mul(height).is_some_and(|n| n < 1 << 32)) else {
+        return Err(exception(py, &Error::new("the array is too large for a mask")));
+    };
+    let pixels = Plane::from_vec(columns, rows, array.iter().copied().collect());
+    Ok(Mask(product::Mask::from_plane(&pixels)))
+}
+
 #[pymethods]
 impl Mask {
     /// The mask of a boolean array of two axes.
     #[new]
-    fn new(py: Python<'_>, array: PyReadonlyArray2<'_, bool>) -> PyResult<Self> {
-        let array = array.as_array();
-        let (height, width) = array.dim();
-        let size = [width, height].map(u32::try_from);
-        let ([Ok(width), Ok(height)], true) = (size, width.checked_mul(height).is_some_and(|n| n < 1 << 32)) else {
-            return Err(exception(py, &Error::new("the array is too large for a mask")));
-        };
-        Ok(Self(product::Mask::from_fn(width, height, |x, y| array[[y as usize, x as usize]])))
+    fn new(array: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let found: PyReadonlyArray2<'_, bool> = array.extract().map_err(|_| not_boolean(array, "height × width"))?;
+        of_array(array.py(), &found.as_array())
     }
 
     /// The mask of COCO's runs: a dict with `size` (height, width) and `counts`, compressed or not.
     #[staticmethod]
     fn from_rle(py: Python<'_>, rle: &Bound<'_, PyDict>) -> PyResult<Self> {
         let missing = |key: &str| PyValueError::new_err(format!("the runs of a mask have no `{key}`"));
-        let [height, width]: [u32; 2] = rle.get_item("size")?.ok_or_else(|| missing("size"))?.extract()?;
+        let size = rle.get_item("size")?.ok_or_else(|| missing("size"))?;
+        let [height, width]: [u32; 2] = size.extract().map_err(|_| {
+            PyValueError::new_err(format!("`size` of the runs of a mask is height and width, two integers, not {size}"))
+        })?;
         let counts = rle.get_item("counts")?.ok_or_else(|| missing("counts"))?;
         let mask = if let Ok(text) = counts.extract::<String>() {
             product::Mask::from_coco(width, height, &text)
@@ -69,7 +94,10 @@ impl Mask {
         {
             product::Mask::from_coco(width, height, &String::from_utf8_lossy(&bytes))
         } else {
-            product::Mask::from_counts(width, height, &counts.extract::<Vec<u32>>()?)
+            let runs: Vec<u32> = counts.extract().map_err(|_| {
+                PyTypeError::new_err("`counts` of the runs of a mask is text, bytes, or a list of integers from 0")
+            })?;
+            product::Mask::from_counts(width, height, &runs)
         };
         mask.map(Self).map_err(|error| exception(py, &Error::new(error.to_string())))
     }

@@ -8,7 +8,7 @@ use pyo3::types::PyList;
 use std::path::PathBuf;
 use std::sync::Arc;
 use syntable_model::stage::Input;
-use syntable_recipe::{BUILTINS, Diagnostic, Overrides, Report, Source, checked, load};
+use syntable_recipe::{BUILTINS, Diagnostic, Overrides, RecipeRequest, Report, Source, checked, load};
 
 /// The text of a recipe, and changes to it.
 #[pyclass(frozen, module = "syntable._syntable")]
@@ -43,7 +43,19 @@ impl Recipe {
         Ok((Arc::new(recipe), warnings))
     }
 
-    fn checked(&self, py: Python<'_>) -> PyResult<Result<(syntable_recipe::Recipe, Vec<Diagnostic>), Report>> {
+    /// The recipe as functions of the library take it.
+    pub fn request(&self) -> RecipeRequest {
+        let set = self.changes.iter().map(|(key, value)| format!("{key}={value}")).collect();
+        RecipeRequest {
+            recipe: self.source.path.clone(),
+            source: Some(self.source.clone()),
+            set,
+            ..RecipeRequest::default()
+        }
+    }
+
+    /// The recipe without its mistakes, or its mistakes. Nothing is opened.
+    pub fn checked(&self, py: Python<'_>) -> PyResult<Result<(syntable_recipe::Recipe, Vec<Diagnostic>), Report>> {
         let registry = registry(py)?;
         Ok(py.detach(|| checked(&registry, self.source.clone(), &self.overrides(&[])).recipe))
     }

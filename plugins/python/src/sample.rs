@@ -143,7 +143,9 @@ impl Sample {
             match &self.stored {
                 // One product of all objects is enough: others may need whole images.
                 Some(_) => {
-                    let first = PREFERRED.iter().find_map(|name| keys.iter().find(|key| key.is(name)));
+                    let named = || PREFERRED.iter().filter_map(|name| keys.iter().find(|key| key.is(name)));
+                    let is_held = |key: &&KeyId| self.products.lock().contains(*key);
+                    let first = named().find(is_held).or_else(|| named().next());
                     if let Some(key) = first.copied().or_else(|| of_objects.next()) {
                         ids.extend(self.ids_of(key)?);
                     }

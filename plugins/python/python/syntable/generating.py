@@ -18,7 +18,16 @@ __all__ = ["Generation", "generate"]
 ALWAYS = ("camera", "object_info", "category_id")
 
 #: Products of samples whose caller names none.
-DEFAULT = ("rgb", "depth", "visible_mask", "amodal_mask", "visible_box", "amodal_box", "occlusion_rate", "occlusion_order")
+DEFAULT = (
+    "rgb",
+    "depth",
+    "visible_mask",
+    "amodal_mask",
+    "visible_box",
+    "amodal_box",
+    "occlusion_rate",
+    "occlusion_order",
+)
 
 #: Properties of samples, and the products that they need.
 PROPERTIES = {
@@ -96,8 +105,8 @@ def thread_count(threads: int | None) -> int | None:
 class Generation(Iterator[Sample]):
     """Iterator of samples in the order of scenes and views. Threads make them ahead, and wait while nobody takes them.
 
-    It ends after the last sample; ``failed`` then has the numbers of scenes that could not be made. `close`, the end of a
-    ``with`` block, and its deletion end the work early.
+    It ends after the last sample; ``failed`` then has the numbers of scenes that could not be made. `close`, the end of
+    a ``with`` block, and its deletion end the work early.
     """
 
     def __init__(self, raw: _syntable.Generator) -> None:
@@ -126,7 +135,7 @@ class Generation(Iterator[Sample]):
     ) -> None:
         self.close()
 
-    def __reduce__(self):
+    def __reduce__(self) -> Any:
         raise TypeError("samples in the making cannot be pickled: pass the recipe, and generate them there")
 
 
@@ -157,10 +166,11 @@ def generate(
         RecipeError: If the recipe has mistakes.
         SyntableError: If the work fails. A scene that fails has no samples, and is in `Generation.failed`.
     """
+    made = scene_range(scenes)
     raw = _syntable.Generator(
         as_recipe(recipe)._raw,
         product_names(products),
-        scene_range(scenes),
+        None if made is None else (*made, 1),
         thread_count(threads),
         bool(allow_libraries),
         listener(progress),
