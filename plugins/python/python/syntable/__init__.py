@@ -13,37 +13,73 @@ from __future__ import annotations
 
 from ._syntable import Mask, __version__
 from .datasets import Dataset, open
-from .errors import Diagnostic, RecipeError, SyntableError
-from .generating import Generation, generate
 from .drawing import show
+from .errors import Diagnostic, RecipeError, SyntableError
+from .evaluation import Evaluation, Prediction, evaluate
+from .generating import Generation, generate
+from .planning import Component, Forecast, Plan, PlannedProduct, plan
 from .progress import SyntableWarning
 from .recipes import Recipe, recipe, recipes
 from .samples import Camera, Object, Sample
-from .verbs import Conversion, Fault, Outcome, Validation, convert, run, validate
+from .showing import Preview, Report, View, preview, report, view
+from .statistics import Comparison, Statistics, compare, stats
+from .verbs import (
+    Conversion,
+    Fault,
+    Outcome,
+    Validation,
+    Verification,
+    convert,
+    merge,
+    run,
+    validate,
+    verify,
+)
 
 __all__ = [
     "Camera",
+    "Comparison",
+    "Component",
     "Conversion",
     "Dataset",
     "Diagnostic",
+    "Evaluation",
     "Fault",
+    "Forecast",
     "Generation",
     "Mask",
     "Object",
     "Outcome",
+    "Plan",
+    "PlannedProduct",
+    "Prediction",
+    "Preview",
     "Recipe",
     "RecipeError",
+    "Report",
     "Sample",
+    "Statistics",
     "SyntableError",
     "SyntableWarning",
     "Validation",
+    "Verification",
+    "View",
     "__version__",
+    "compare",
     "convert",
+    "evaluate",
     "generate",
+    "merge",
     "open",
+    "plan",
+    "preview",
     "recipe",
     "recipes",
+    "report",
     "run",
     "show",
+    "stats",
     "validate",
+    "verify",
+    "view",
 ]

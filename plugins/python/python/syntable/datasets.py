@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from typing import Any, overload
 
-from . import _syntable
+from . import _arguments, _syntable
 from .samples import Sample
 
 __all__ = ["Dataset", "open"]
@@ -15,8 +15,8 @@ __all__ = ["Dataset", "open"]
 class Dataset(Sequence[Sample]):
     """A dataset of images with labels: ``dataset[7]`` is its eighth image, a slice is a list of images.
 
-    Opening reads the labels' files; a sample reads its image when it is asked for. A dataset can be pickled, and used by
-    several threads and processes.
+    Opening reads the labels' files; a sample reads its image when it is asked for. A dataset can be pickled, and used
+    by several threads and processes.
     """
 
     def __init__(
@@ -28,9 +28,9 @@ class Dataset(Sequence[Sample]):
         trust_paths: bool = False,
     ) -> None:
         self._named = (
-            os.fspath(path),
+            _arguments.path(path, "path"),
             format,
-            None if image_folder is None else os.fspath(image_folder),
+            _arguments.optional_path(image_folder, "image_folder"),
             bool(trust_paths),
         )
         self._raw = _syntable.Dataset(*self._named)
@@ -67,7 +67,7 @@ class Dataset(Sequence[Sample]):
     def __getitem__(self, index: int) -> Sample: ...
     @overload
     def __getitem__(self, index: slice) -> list[Sample]: ...
-    def __getitem__(self, index):
+    def __getitem__(self, index: int | slice) -> Sample | list[Sample]:
         if isinstance(index, slice):
             return [self[one] for one in range(*index.indices(len(self)))]
         try:
@@ -91,13 +91,14 @@ class Dataset(Sequence[Sample]):
         """
         from .verbs import convert
 
-        convert(self, out, *formats, **options)
+        settings: dict[str, Any] = dict(options)
+        convert(self, out, *formats, **settings)
         return Dataset(out)
 
     def __repr__(self) -> str:
         return f"Dataset({self.path!r}: {len(self)} images, {self.format})"
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         path, format, image_folder, trust_paths = self._named
         return (_again, (path, format, image_folder, trust_paths))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 __all__ = ["Diagnostic", "RecipeError", "SyntableError"]
 
@@ -32,7 +33,7 @@ class SyntableError(Exception):
         self.line = line
         self.help = help
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return (_again, (type(self), self.args, self.__dict__.copy()))
 
 
@@ -89,7 +90,7 @@ class RecipeError(SyntableError):
         return (errors or self.diagnostics)[0].code
 
 
-def _again(kind: type[SyntableError], args: tuple, fields: dict) -> SyntableError:
+def _again(kind: type[SyntableError], args: tuple[Any, ...], fields: dict[str, Any]) -> SyntableError:
     """The exception that pickle stored."""
     error = kind.__new__(kind)
     Exception.__init__(error, *args)

@@ -52,7 +52,7 @@ def _warn(event: Event) -> None:
 def _text(event: Event) -> str:
     help = event.get("help")
     notes = "; ".join(help) if isinstance(help, list) else help
-    return event.get("message", "") + (f" ({notes})" if notes else "")
+    return f"{event.get('message', '')} ({notes})" if notes else str(event.get("message", ""))
 
 
 def _outside() -> int:

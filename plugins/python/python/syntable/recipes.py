@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from . import _syntable, _toml
+from . import _arguments, _syntable, _toml
 from .errors import Diagnostic
 
 __all__ = ["Recipe", "recipe", "recipes"]
@@ -28,7 +28,7 @@ class Recipe:
     __slots__ = ("_raw",)
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self._raw = _syntable.Recipe.read(os.fspath(path))
+        self._raw = _syntable.Recipe.read(_arguments.path(path, "path"))
 
     @classmethod
     def _of(cls, raw: _syntable.Recipe) -> Recipe:
@@ -119,7 +119,7 @@ class Recipe:
             text = str(error)
         return f"<pre>{html.escape(text)}</pre>"
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return (Recipe._of, (self._raw,))
 
 

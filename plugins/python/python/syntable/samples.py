@@ -13,7 +13,7 @@ from . import _syntable
 from .errors import SyntableError
 
 if TYPE_CHECKING:
-    import networkx
+    import networkx  # type: ignore[import-untyped, unused-ignore]
 
 __all__ = ["Camera", "Object", "Sample"]
 
@@ -46,7 +46,7 @@ class Camera:
     def camera_from_world(self) -> npt.NDArray[np.float64] | None:
         """Inverse of the pose, 4 × 4: the extrinsics."""
         pose = self.world_from_camera
-        return None if pose is None else np.linalg.inv(pose)
+        return None if pose is None else np.linalg.inv(pose).astype(np.float64, copy=False)
 
     @classmethod
     def _of(cls, info: dict[str, Any]) -> Camera:
@@ -160,7 +160,8 @@ class Sample:
         if key not in self._made:
             masks = self._raw.masks(product, self.ids.tolist())
             self._made[key] = masks if len(self.ids) else np.zeros((0, *self.shape), dtype=bool)
-        return self._made[key]
+        stacked: npt.NDArray[np.bool_] = self._made[key]
+        return stacked
 
     @property
     def visible_masks(self) -> npt.NDArray[np.bool_]:
@@ -206,9 +207,10 @@ class Sample:
     @property
     def occlusion_order(self) -> npt.NDArray[np.bool_]:
         """Occlusion order adjacency matrix: entry (i, j) is true if object i occludes object j."""
-        order = self["occlusion_order"]
+        order: npt.NDArray[np.bool_] = self["occlusion_order"]
         if order is not None and order.shape != (len(self.ids),) * 2:
-            raise SyntableError(f"{self.name}: the occlusion order has {len(order)} objects, the labels {len(self.ids)}")
+            ids = len(self.ids)
+            raise SyntableError(f"{self.name}: the occlusion order has {len(order)} objects, the labels {ids}")
         return order
 
     def occlusion_graph(self) -> networkx.DiGraph:
@@ -258,7 +260,8 @@ class Sample:
             return (self.camera.height, self.camera.width)
         for name in ("rgb", "depth", "visible_ids", "instance"):
             if name in self and self[name] is not None:
-                return self[name].shape[:2]
+                height, width = self[name].shape[:2]
+                return (height, width)
         masks = next((each for each in map(self._some_masks, self.products) if each), None)
         if masks:
             return next(iter(masks.values())).shape

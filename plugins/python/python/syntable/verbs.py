@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from . import _syntable, _toml
+from ._arguments import path
 from .datasets import Dataset, named
 from .generating import scene_range, thread_count
 from .progress import Progress, listener
 from .recipes import Recipe, as_recipe
 
-__all__ = ["Conversion", "Fault", "Outcome", "Validation", "convert", "run", "validate"]
+__all__ = [
+    "Conversion",
+    "Fault",
+    "Outcome",
+    "Validation",
+    "Verification",
+    "convert",
+    "merge",
+    "run",
+    "validate",
+    "verify",
+]
 
 
 @dataclass(frozen=True)
@@ -93,13 +105,87 @@ def run(
     }
     found = _syntable.run(
         as_recipe(recipe)._raw,
-        os.fspath(out),
+        path(out, "out"),
         scene_range(scenes),
         thread_count(threads),
         [name for name, is_on in switches.items() if is_on],
         listener(progress),
     )
-    return Outcome(path=os.fspath(out), **found)
+    return Outcome(path=path(out, "out"), **found)
+
+
+def merge(
+    parts: Iterable[str | os.PathLike[str]],
+    out: str | os.PathLike[str],
+    *,
+    threads: int | None = None,
+    progress: Progress = None,
+) -> Outcome:
+    """Merges the parts of a dataset, which were made from one recipe with different ``scenes``. The result equals the
+    dataset of one run, byte for byte. The parts stay as they are.
+
+    Args:
+        parts: Folders of the parts.
+        out: Folder of the merged dataset, new or from an earlier call.
+        threads: Number of threads. Default: all cores.
+        progress: Shows progress, or receives every event; see `Progress`.
+
+    Raises:
+        SyntableError: If the parts do not belong together, or a file cannot be written. The same call continues.
+    """
+    if isinstance(parts, (str, os.PathLike)):
+        raise TypeError(f"parts is a list of folders, such as [{os.fspath(parts)!r}]")
+    folders = [path(part, f"parts[{number}]") for number, part in enumerate(parts)]
+    found = _syntable.merge(folders, path(out, "out"), thread_count(threads), listener(progress))
+    return Outcome(path=path(out, "out"), **found)
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The files of a dataset, compared with what the run wrote.
+
+    Attributes:
+        whole: Whether every file is unchanged, and all runs ended.
+        scenes: Number of finished scenes.
+        files: Number of compared files.
+        missing: Missing files.
+        damaged: Files of different size or content.
+        unlisted: Files of scenes whose list of files is lost, by scene.
+        foreign: Other files that no list names.
+        links: Links in the folder, with their targets.
+        linked: Listed files that are links or behind one, and were not compared.
+        outside: Lists with foreign names, with the reason.
+        bad_scenes: Scenes with a missing or damaged file.
+        unfinished: Whether the last run did not end.
+    """
+
+    whole: bool
+    scenes: int
+    files: int
+    missing: list[str]
+    damaged: list[str]
+    unlisted: dict[int, list[str]]
+    foreign: list[str]
+    links: dict[str, str]
+    linked: list[str]
+    outside: dict[str, str]
+    bad_scenes: list[int]
+    unfinished: bool
+
+
+def verify(dataset: Dataset | str | os.PathLike[str], *, threads: int | None = None) -> Verification:
+    """Compares the files of a dataset of `run` with its journal, without changing it.
+
+    Args:
+        dataset: The dataset, or its folder. No run may be writing it.
+        threads: Number of threads. Default: all cores.
+
+    Raises:
+        SyntableError: If the folder has no dataset. Differences do not raise.
+    """
+    found = _syntable.verify(named(dataset)[0], thread_count(threads))
+    found.update({name: dict(found[name]) for name in ("unlisted", "links", "outside")})
+    return Verification(**found)
 
 
 @dataclass(frozen=True)
@@ -151,9 +237,9 @@ def convert(
         for key, value in table.items()
     ]
     found = _syntable.convert(
-        named(dataset), list(formats), os.fspath(out), settings, thread_count(threads), listener(progress)
+        named(dataset), list(formats), path(out, "out"), settings, thread_count(threads), listener(progress)
     )
-    return Conversion(path=os.fspath(out), **found)
+    return Conversion(path=path(out, "out"), **found)
 
 
 @dataclass(frozen=True)
