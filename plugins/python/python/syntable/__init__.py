@@ -23,6 +23,7 @@ from .recipes import Recipe, recipe, recipes
 from .samples import Camera, Object, Sample
 from .showing import Preview, Report, View, preview, report, view
 from .statistics import Comparison, Statistics, compare, stats
+from .training import Buffer, Stream, Views
 from .verbs import (
     Conversion,
     Fault,
@@ -37,6 +38,7 @@ from .verbs import (
 )
 
 __all__ = [
+    "Buffer",
     "Camera",
     "Comparison",
     "Component",
@@ -59,11 +61,13 @@ __all__ = [
     "Report",
     "Sample",
     "Statistics",
+    "Stream",
     "SyntableError",
     "SyntableWarning",
     "Validation",
     "Verification",
     "View",
+    "Views",
     "__version__",
     "compare",
     "convert",

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from typing import Any, overload
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, overload
 
 from . import _arguments, _syntable
 from .samples import Sample
+
+if TYPE_CHECKING:
+    from .torch import DetectionDataset, Transform
 
 __all__ = ["Dataset", "open"]
 
@@ -94,6 +97,20 @@ class Dataset(Sequence[Sample]):
         settings: dict[str, Any] = dict(options)
         convert(self, out, *formats, **settings)
         return Dataset(out)
+
+    def torch(self, transform: Transform | None = None, *, products: Iterable[str] = ()) -> DetectionDataset:
+        """The images as a map-style dataset of PyTorch, in torchvision's form; see `syntable.torch.DetectionDataset`.
+
+        Args:
+            transform: A function of image and target, whose result is the sample.
+            products: Further products for the target, such as ``["depth"]``.
+
+        Raises:
+            ImportError: Without PyTorch.
+        """
+        from .torch import DetectionDataset
+
+        return DetectionDataset(self, transform, products=products)
 
     def __repr__(self) -> str:
         return f"Dataset({self.path!r}: {len(self)} images, {self.format})"
