@@ -72,7 +72,7 @@ def show(sample: Sample, ax: Any = None) -> Any:
         ImportError: Without matplotlib: ``pip install "syntable[viz]"``.
     """
     try:
-        import matplotlib.pyplot as plt
+        import matplotlib.pyplot as plt  # type: ignore[import-not-found, unused-ignore]
     except ImportError:
         raise ImportError('drawing needs matplotlib: pip install "syntable[viz]"') from None
     drawn = sheet(sample)

@@ -13,7 +13,7 @@ from . import _syntable
 from .errors import SyntableError
 
 if TYPE_CHECKING:
-    import networkx  # type: ignore[import-untyped, unused-ignore]
+    import networkx  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
 __all__ = ["Camera", "Object", "Sample"]
 

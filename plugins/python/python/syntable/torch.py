@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 try:
-    import torch
-    from torch.utils import data
+    import torch  # type: ignore[import-not-found, unused-ignore]
+    from torch.utils import data  # type: ignore[import-not-found, unused-ignore]
 except ImportError:
     raise ImportError('samples as tensors need PyTorch: pip install "syntable[torch]"') from None
 
@@ -120,7 +120,7 @@ def _further(products: Iterable[str]) -> list[str]:
     return list(products)
 
 
-class DetectionDataset(data.Dataset[Any]):
+class DetectionDataset(data.Dataset[Any]):  # type: ignore[misc, unused-ignore]
     """Images with their objects, by number.
 
     It works in a DataLoader with any number of workers. Samples of a dataset of files are read by them, started by
@@ -162,7 +162,7 @@ class DetectionDataset(data.Dataset[Any]):
         return made if self.transform is None else self.transform(*made)
 
 
-class DetectionStream(data.IterableDataset[Any]):
+class DetectionStream(data.IterableDataset[Any]):  # type: ignore[misc, unused-ignore]
     """Images with their objects, one after the other. ``image_id`` is the number of the view in the recipe.
 
     The stream shares its scenes among processes and workers. Take ``num_workers=0``: its threads work ahead anyway.
