@@ -106,8 +106,8 @@ pub fn generate(
     })
 }
 
-/// Makes the scenes of a source, of which at most `count` are in work, and passes the samples of each to `take`, in the order
-/// of the source. A scene that fails has `None`. The options' scenes do not matter.
+/// Makes the scenes of a source, and passes the samples of each to `take`, in the order of the source. A scene that fails has
+/// `None`. At most `count` scenes are in work. The options' scenes do not matter.
 ///
 /// # Errors
 /// As [`generate`], and if the recipe lacks a scene of the source.

@@ -16,11 +16,11 @@ use syntable_runtime::run::progress::Reporter;
 
 /// Who may take the next sample.
 enum Turn {
-    /// Anybody.
+    /// The first thread that asks.
     Free(syntable::Generator),
     /// A thread that waits for it.
     Taken,
-    /// Nobody: the last sample was taken, or the work was closed.
+    /// No thread: the last sample was taken, or the work was closed.
     Over,
 }
 

@@ -112,7 +112,7 @@ impl Viewer {
 
 impl Drop for Viewer {
     fn drop(&mut self) {
-        // Nobody waits for the rest of the statistics.
+        // The rest of the statistics no longer matters.
         self.stop.cancel();
     }
 }
