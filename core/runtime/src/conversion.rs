@@ -160,11 +160,12 @@ impl<'a> RequestedWriter<'a> {
     fn constructed(registry: &'a Registry, kind: &str, set: &[String]) -> Result<Self> {
         let Some(entry) = registry.find(Slot::Write, kind) else {
             let kinds: Vec<&str> = registry.of_slot(Slot::Write).map(|entry| entry.kind).collect();
-            return Err(Error::new(format!("`options.to` {kind}: unknown kind of writer"))
-                .help(match syntable_recipe::nearest(kind, kinds.iter().copied()) {
+            return Err(Error::new(format!("`options.to` {kind}: unknown kind of writer")).help(
+                match syntable_recipe::nearest(kind, kinds.iter().copied()) {
                     Some(near) => format!("did you mean `{near}`? available kinds: {}", kinds.join(", ")),
                     None => format!("available kinds: {}", kinds.join(", ")),
-                }));
+                },
+            ));
         };
         let given: Vec<&str> = set.iter().filter_map(|set| option_of(set, kind)).collect();
         let key = |option: &str| option.split(['=', '.']).next().unwrap_or_default().trim().to_owned();
