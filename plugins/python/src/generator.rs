@@ -3,7 +3,7 @@
 use crate::errors::exception;
 use crate::recipe::Recipe;
 use crate::sample::Sample;
-use crate::work::{EventSender, Events, SIGNALS, check_process, events, show};
+use crate::work::{EventSender, Events, SIGNALS, check_process, end, events, show};
 use parking_lot::Mutex;
 use pyo3::prelude::*;
 use std::sync::Arc;
@@ -149,10 +149,10 @@ impl Generator {
     }
 
     /// Ends the work. Later calls of `next` raise StopIteration.
-    fn close(&self, py: Python<'_>) {
+    fn close(&self) {
         self.stop.cancel();
         let ended = self.turn.lock().end();
-        py.detach(|| drop(ended));
+        end(ended);
     }
 }
 
@@ -160,11 +160,7 @@ impl Generator {
 impl Drop for Generator {
     fn drop(&mut self) {
         self.stop.cancel();
-        let mut made = Some(self.turn.lock().end());
-        if Python::try_attach(|py| py.detach(|| drop(made.take()))).is_none() {
-            // Python is gone, and with it all that waits for the threads.
-            std::mem::forget(made);
-        }
+        end(self.turn.lock().end());
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::errors::exception;
 use crate::recipe::Recipe;
 use crate::sample::Sample;
-use crate::work::{EventSender, Events, SIGNALS, check_process, events, show};
+use crate::work::{EventSender, Events, SIGNALS, check_process, end, events, is_forked, show};
 use parking_lot::Mutex;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
@@ -91,22 +91,19 @@ impl Scenes {
 
     /// Ends the threads, and forgets all scenes. A later request starts them again.
     fn close(&self, py: Python<'_>) {
-        let ended = py.detach(|| std::mem::take(&mut *self.state.lock()));
-        py.detach(|| drop(ended));
+        let ended = if is_forked() { State::default() } else { py.detach(|| std::mem::take(&mut *self.state.lock())) };
+        end(ended);
     }
 }
 
 /// Ends the threads. They may need Python's lock to end.
 impl Drop for Scenes {
     fn drop(&mut self) {
-        let mut ended = Some(std::mem::take(&mut *self.state.lock()));
-        if let Some(State { service: Some((.., stop)), .. }) = &ended {
+        let ended = std::mem::take(self.state.get_mut());
+        if let State { service: Some((.., stop)), .. } = &ended {
             stop.cancel();
         }
-        if Python::try_attach(|py| py.detach(|| drop(ended.take()))).is_none() {
-            // Python is gone, and with it all that waits for the threads.
-            std::mem::forget(ended);
-        }
+        end(ended);
     }
 }
 

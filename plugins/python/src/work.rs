@@ -36,6 +36,21 @@ pub fn check_process(py: Python<'_>) -> PyResult<()> {
     }
 }
 
+/// Whether this process was forked from one that had begun work. Then waiting for the threads of that work never ends.
+pub fn is_forked() -> bool {
+    let there = WORKER.load(Ordering::Relaxed);
+    there != 0 && there != process::id()
+}
+
+/// Ends work whose threads may need Python's lock to end: waits for them without it.
+pub fn end<T: Send>(work: T) {
+    let mut work = Some(work);
+    if is_forked() || Python::try_attach(|py| py.detach(|| drop(work.take()))).is_none() {
+        // The threads are in another process, or Python is gone, and with it all that waits for them.
+        std::mem::forget(work);
+    }
+}
+
 /// Passes events to the calling thread.
 pub struct EventSender(Mutex<Sender<Event>>);
 

@@ -20,10 +20,10 @@ import syntable as st
 RLE = {"size": [4, 4], "counts": [4, 12]}
 
 
-def script(text, *, interrupt_after=None, folder=None, limit=60):
+def script(text, *arguments, interrupt_after=None, folder=None, limit=60):
     """Runs a script in a process of its own. With `interrupt_after`, sends SIGINT when it has printed this line."""
     child = subprocess.Popen(
-        [sys.executable, "-c", textwrap.dedent(text)],
+        [sys.executable, "-c", textwrap.dedent(text), *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -197,7 +197,7 @@ def test_a_sample_keeps_what_it_read_when_the_folder_is_gone(data, tmp_path):
         opened[1].rgb
 
 
-def test_a_fork_after_work_is_refused_and_before_it_works(small):
+def test_a_fork_after_work_is_refused_and_before_it_works(data):
     code, out, errors = script(
         """
         import os, sys
@@ -214,15 +214,22 @@ def test_a_fork_after_work_is_refused_and_before_it_works(small):
                     print("made", flush=True)
                 except st.SyntableError as error:
                     print("refused" if "spawn" in str(error) else error, flush=True)
+                    samples.close(), views.close(), loop.close(), view.close()
+                    del samples, views, loop, view, stream
+                    print("closed", flush=True)
                 os._exit(0)
             os.waitpid(child, 0)
             views[0].rgb
             loop = iter(stream)
             next(loop)
+            samples = st.generate(recipe, ["rgb"])
+            next(samples)
+            view = st.view(sys.argv[1], threads=1)
         print("end")
-        """
+        """,
+        data,
     )
-    assert (code, out.split()) == (0, ["made", "refused", "end"]), errors
+    assert (code, out.split()) == (0, ["made", "refused", "closed", "end"]), errors
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ use super::{Named, source, threads_or_all};
 use crate::errors::exception;
 use crate::recipe::Recipe;
 use crate::registry::registry;
-use crate::work::{check_process, wait_for};
+use crate::work::{check_process, is_forked, wait_for};
 use numpy::ndarray::Array3;
 use numpy::{IntoPyArray, PyArray3};
 use parking_lot::Mutex;
@@ -106,7 +106,11 @@ impl Viewer {
     fn close(&self, py: Python<'_>) {
         self.stop.cancel();
         let server = self.server.lock().take();
-        py.detach(|| server.map(JoinHandle::join));
+        if is_forked() {
+            std::mem::forget(server);
+        } else {
+            py.detach(|| server.map(JoinHandle::join));
+        }
     }
 }
 
