@@ -446,6 +446,8 @@ class Buffer(Generic[_T]):
     Making a sample takes longer than a training step on it. A buffer lets each sample be drawn several times, in
     different batches, while a thread makes further ones. Once it is full, a new sample replaces the oldest one.
 
+    The thread takes a few samples ahead: while a buffer works, its stream's ``state_dict`` is ahead of the batches.
+
     With ``reuse``, the buffer takes a new sample for every ``reuse`` samples drawn, and waits for it if necessary: the
     batches depend on the stream and the seed alone. Without it, the buffer takes whatever is made, and never waits:
     batches come as fast as possible, and depend on time.
