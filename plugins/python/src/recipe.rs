@@ -19,6 +19,9 @@ pub struct Recipe {
     changes: Vec<(String, String)>,
 }
 
+/// The arguments of [`Recipe::of_parts`]: name, path, text and changes.
+type Parts = (String, Option<PathBuf>, String, Vec<(String, String)>);
+
 /// A loaded recipe and its warnings.
 pub type Loaded = (Arc<syntable_recipe::Recipe>, Vec<Diagnostic>);
 
@@ -131,10 +134,7 @@ impl Recipe {
         }
     }
 
-    fn __reduce__<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<(Bound<'py, PyAny>, (String, Option<PathBuf>, String, Vec<(String, String)>))> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts)> {
         let Source { name, path, text } = self.source.clone();
         Ok((py.get_type::<Self>().getattr("of_parts")?, (name, path, text, self.changes.clone())))
     }
