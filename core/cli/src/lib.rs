@@ -61,6 +61,9 @@ struct Cli {
     /// Log format on standard error: human-readable, or one JSON object per line.
     #[arg(long, global = true, value_enum, default_value_t = LogFormat::Human)]
     log_format: LogFormat,
+    /// Python file or module with stages, such as `my_stages.py`. Can be given several times.
+    #[arg(long, global = true, hide = true, value_name = "FILE")]
+    plugin: Vec<String>,
 }
 
 #[derive(Subcommand)]
@@ -152,6 +155,7 @@ pub fn main() -> ExitCode {
 pub struct Program {
     registry: Registry,
     verbs: Vec<Arc<dyn CliVerb>>,
+    loads_plugins: bool,
 }
 
 impl Program {
@@ -160,12 +164,17 @@ impl Program {
     /// # Errors
     /// If two crates register one name.
     pub fn linked() -> Result<Self, String> {
-        Ok(Self { registry: Registry::linked()?, verbs: verb::linked() })
+        Ok(Self { registry: Registry::linked()?, verbs: verb::linked(), loads_plugins: false })
     }
 
     /// The program with another registry, such as the linked one with kinds that have state of the program.
     pub fn with_registry(self, registry: Registry) -> Self {
         Self { registry, ..self }
+    }
+
+    /// The program whose caller loads the values of `--plugin` before it runs a command line. Other programs refuse the option.
+    pub fn with_plugins(self) -> Self {
+        Self { loads_plugins: true, ..self }
     }
 
     /// The program with another verb.
@@ -186,6 +195,9 @@ impl Program {
             Ok(found) => found,
             Err(clash) => return refused(clash),
         };
+        if self.loads_plugins {
+            command = command.mut_arg(PLUGIN, |argument| argument.hide(false));
+        }
         let matches = match command.try_get_matches_from_mut(&arguments) {
             Ok(matches) => matches,
             // Help and version are results, too.
@@ -194,6 +206,9 @@ impl Program {
         };
         let format = matches.get_one::<LogFormat>("log_format").copied().unwrap_or(LogFormat::Human);
         let console = Console::new(format).called(arguments.first());
+        if let Some(plugin) = plugins(&matches).first().filter(|_| !self.loads_plugins) {
+            return ended_with(&console, Err(no_plugins(plugin)));
+        }
         let added = matches.subcommand().and_then(|(name, arguments)| Some((verbs.get(name)?, arguments)));
         let done = match added {
             Some((verb, arguments)) => verb.run(&console, &self.registry, arguments),
@@ -204,6 +219,22 @@ impl Program {
         };
         ended_with(&console, done)
     }
+}
+
+/// The option that names stages in Python.
+const PLUGIN: &str = "plugin";
+
+/// The values of `--plugin`, before the verb or after it.
+fn plugins(matches: &clap::ArgMatches) -> Vec<&String> {
+    matches.get_many(PLUGIN).into_iter().flatten().collect()
+}
+
+/// The end of a program that has no Python.
+fn no_plugins(plugin: &str) -> Exit {
+    let error = Error::new(format!("`--plugin {plugin}`: this program has no Python to load it with"));
+    Exit::wrong(
+        error.help("use the `syntable` of the Python package, or write the stages in Rust: `syntable new plugin`"),
+    )
 }
 
 /// Runs a verb of this crate. `command` is the whole command line.
@@ -337,6 +368,18 @@ mod tests {
         }
         let error = with_verb(Cli::command().try_get_matches_from(["syntable", "xyzzy"]).expect_err("unknown"));
         assert!(!error.to_string().contains("did you mean"), "{error}");
+    }
+
+    #[test]
+    fn a_program_without_python_refuses_plugins() {
+        let program = Program { registry: Registry::default(), verbs: Vec::new(), loads_plugins: false };
+        let words = ["syntable", "list", "recipes", "--plugin", "a.py"].map(OsString::from);
+        let matches = Cli::command().try_get_matches_from(words.clone()).expect("the option is known");
+        assert_eq!(plugins(&matches), ["a.py"]);
+        assert_eq!(program.run_with(words), 2);
+        let Exit { messages, .. } = no_plugins("a.py");
+        let Some(Message::Error(error)) = messages.first() else { panic!("an error") };
+        assert!(error.to_string().contains("`--plugin a.py`") && error.help_text().is_some(), "{error}");
     }
 
     #[test]

@@ -111,7 +111,7 @@ impl Generator {
             if let Err(raised) = shown {
                 self.stop.cancel();
                 self.turn.lock().end();
-                py.detach(|| drop(made));
+                end(made, true);
                 return Err(raised);
             }
             if let Waited::Next(next) = waited {
@@ -149,10 +149,10 @@ impl Generator {
     }
 
     /// Ends the work. Later calls of `next` raise StopIteration.
-    fn close(&self) {
+    fn close(&self) -> PyResult<()> {
         self.stop.cancel();
         let ended = self.turn.lock().end();
-        end(ended);
+        end(ended, false).map_or(Ok(()), Err)
     }
 }
 
@@ -160,7 +160,8 @@ impl Generator {
 impl Drop for Generator {
     fn drop(&mut self) {
         self.stop.cancel();
-        end(self.turn.lock().end());
+        let ended = self.turn.lock().end();
+        end(ended, false);
     }
 }
 

@@ -13,6 +13,7 @@ mod recipe;
 mod registry;
 mod sample;
 mod scenes;
+mod stages;
 mod values;
 mod verbs;
 mod work;
@@ -36,6 +37,11 @@ mod _syntable {
     use super::sample::Sample;
     #[pymodule_export]
     use super::scenes::Scenes;
+    #[pymodule_export]
+    use super::stages::{
+        FinishedDataset, SceneAssets, SceneOutput, add_annotator, add_asset_source, add_light, add_placer, add_sensor,
+        add_writer, end_calls,
+    };
     #[pymodule_export]
     use super::verbs::{Viewer, convert, evaluate, merge, plan, preview, report, run, stats, validate, verify};
     use super::*;

@@ -28,6 +28,10 @@ pub fn whole() -> Result<Registry, String> {
 /// Adds a stage. It replaces one that Python added under the same name, so that a cell of a notebook can run again.
 pub fn add(entry: Entry) {
     let mut added = ADDED.lock();
-    added.retain(|other| (other.slot, other.kind) != (entry.slot, entry.kind));
+    let old = added.iter().position(|other| (other.slot, other.kind) == (entry.slot, entry.kind));
+    let old = old.map(|at| added.remove(at));
     added.push(entry);
+    drop(added);
+    // The end of a Python object may run any code.
+    drop(old);
 }

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{Form, KeyId, Products, Value};
 use syntable_model::reader::OpenDataset;
-use syntable_model::scene::InstanceId;
+use syntable_model::scene::{InstanceId, SceneId, ViewId};
 
 /// A view of a scene with its products. Products of a dataset are read when they are first asked for.
 #[pyclass(frozen, module = "syntable._syntable")]
@@ -28,6 +28,8 @@ pub struct Sample {
     name: String,
     products: Mutex<Products>,
     stored: Option<StoredImage>,
+    /// Whether a stage in Python gets it, with the products that the stage reads.
+    is_lent: bool,
 }
 
 /// An image of a dataset.
@@ -40,7 +42,17 @@ impl Sample {
     /// A sample that was made.
     pub fn made(sample: syntable::Sample) -> Self {
         let (scene, view) = (sample.scene.id.0, sample.view.id.0);
-        Self { scene, view, name: format!("{scene}_{view}"), products: Mutex::new(sample.products), stored: None }
+        Self::of_view(scene, view, sample.products)
+    }
+
+    /// A view for a stage, with the products that the stage reads.
+    pub fn lent(scene: SceneId, view: ViewId, products: Products) -> Self {
+        Self { is_lent: true, ..Self::of_view(scene.0, view.0, products) }
+    }
+
+    fn of_view(scene: u32, view: u32, products: Products) -> Self {
+        let (name, products) = (format!("{scene}_{view}"), Mutex::new(products));
+        Self { scene, view, name, products, stored: None, is_lent: false }
     }
 
     /// An image of a dataset.
@@ -48,7 +60,7 @@ impl Sample {
         let found = &dataset.images[image];
         let (scene, view, name) = (found.scene.0, found.view.0, found.name.clone());
         let stored = Some(StoredImage { dataset, image });
-        Self { scene, view, name, products: Mutex::default(), stored }
+        Self { scene, view, name, products: Mutex::default(), stored, is_lent: false }
     }
 
     /// The keys of all products.
@@ -89,7 +101,12 @@ impl Sample {
     fn known(&self, name: &str) -> PyResult<KeyId> {
         self.key(name).ok_or_else(|| {
             let names: Vec<String> = self.keys().iter().map(ToString::to_string).collect();
-            PyKeyError::new_err(format!("the sample has no `{name}`, only {}", names.join(", ")))
+            let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+            PyKeyError::new_err(if self.is_lent {
+                format!("the stage does not read `{name}`: add it to reads=[…], which has {names}")
+            } else {
+                format!("the sample has no `{name}`, only {names}")
+            })
         })
     }
 }

@@ -90,9 +90,9 @@ impl Scenes {
     }
 
     /// Ends the threads, and forgets all scenes. A later request starts them again.
-    fn close(&self, py: Python<'_>) {
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
         let ended = if is_forked() { State::default() } else { py.detach(|| std::mem::take(&mut *self.state.lock())) };
-        end(ended);
+        end(ended, false).map_or(Ok(()), Err)
     }
 }
 
@@ -103,7 +103,7 @@ impl Drop for Scenes {
         if let State { service: Some((.., stop)), .. } = &ended {
             stop.cancel();
         }
-        end(ended);
+        end(ended, false);
     }
 }
 

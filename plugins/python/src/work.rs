@@ -1,12 +1,13 @@
 //! Work of the library on another thread, while the calling thread shows its progress and handles signals.
 
 use crate::errors::exception;
+use crate::stages::Interrupts;
 use crate::values;
 use parking_lot::Mutex;
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use std::{process, thread};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
@@ -42,13 +43,30 @@ pub fn is_forked() -> bool {
     there != 0 && there != process::id()
 }
 
-/// Ends work whose threads may need Python's lock to end: waits for them without it.
-pub fn end<T: Send>(work: T) {
+/// Ends work whose threads may need Python's lock to end: waits for them without it. Interrupts stages in Python that they run: at
+/// once if the user has interrupted the work, or else after a moment. Returns the exception of a signal.
+pub fn end<T: Send>(work: T, is_interrupted: bool) -> Option<PyErr> {
     let mut work = Some(work);
-    if is_forked() || Python::try_attach(|py| py.detach(|| drop(work.take()))).is_none() {
-        // The threads are in another process, or Python is gone, and with it all that waits for them.
-        std::mem::forget(work);
-    }
+    let waited = if is_forked() { None } else { Python::try_attach(|py| wait(py, work.take(), is_interrupted)) };
+    // Otherwise the threads are in another process, or Python is gone, and with it all that waits for them.
+    std::mem::forget(work);
+    waited.flatten()
+}
+
+fn wait<T: Send>(py: Python<'_>, work: Option<T>, is_interrupted: bool) -> Option<PyErr> {
+    const POLL: Duration = Duration::from_millis(5);
+    let (mut interrupts, mut raised, start) = (Interrupts::default(), None, Instant::now());
+    thread::scope(|threads| {
+        let ended = threads.spawn(|| drop(work));
+        while !ended.is_finished() {
+            if is_interrupted || raised.is_some() || start.elapsed() > Interrupts::GRACE {
+                interrupts.next(py);
+            }
+            py.detach(|| thread::sleep(POLL));
+            raised = raised.take().or_else(|| py.check_signals().err());
+        }
+    });
+    raised
 }
 
 /// Passes events to the calling thread.
@@ -112,7 +130,7 @@ pub fn wait_for<T: Send>(
         let asked = stop.clone();
         // The sender ends with the work, so that the events end.
         let worker = threads.spawn(move || work(&sender, &asked));
-        let mut raised = None;
+        let (mut raised, mut interrupts) = (None, Interrupts::default());
         loop {
             let event = py.detach(|| events.next());
             let shown = match event {
@@ -123,6 +141,9 @@ pub fn wait_for<T: Send>(
             if let Err(error) = shown.and_then(|()| py.check_signals()) {
                 stop.cancel();
                 raised.get_or_insert(error);
+            }
+            if raised.is_some() {
+                interrupts.next(py);
             }
         }
         let done = py.detach(|| worker.join());

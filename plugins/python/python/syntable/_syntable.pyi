@@ -19,6 +19,16 @@ __all__ = [
     "builtin_recipes",
     "Sample",
     "Scenes",
+    "FinishedDataset",
+    "SceneAssets",
+    "SceneOutput",
+    "add_annotator",
+    "add_asset_source",
+    "add_light",
+    "add_placer",
+    "add_sensor",
+    "add_writer",
+    "end_calls",
     "Viewer",
     "convert",
     "evaluate",
@@ -207,3 +217,47 @@ def preview(
     allow_libraries: bool,
     progress: _Progress,
 ) -> tuple[npt.NDArray[np.uint8], int]: ...
+
+_Asset = tuple[int, str, str, str, list[list[float]], float]
+
+def add_annotator(
+    kind: Any, call: Callable[..., Any], reads: list[str], provides: list[Any], takes_scene: bool
+) -> None: ...
+def add_sensor(
+    kind: Any, call: Callable[..., Any], reads: list[str], provides: list[Any], replaces: list[tuple[str, str]]
+) -> None: ...
+def add_writer(
+    kind: Any,
+    write: Callable[..., Any],
+    finish: Callable[..., Any] | None,
+    reads: list[str],
+    optional: list[str],
+) -> None: ...
+def add_light(kind: Any, call: Callable[..., Any], once_per_scene: bool) -> None: ...
+def add_placer(kind: Any, call: Callable[..., Any]) -> None: ...
+def add_asset_source(
+    kind: Any, catalog: Callable[..., Any], load: Callable[..., Any], license: str | None
+) -> None: ...
+def end_calls() -> None: ...
+@final
+class SceneOutput:
+    def id(self) -> str: ...
+    def write(self, path: str, bytes: bytes) -> None: ...
+    def record(self, line: str) -> None: ...
+
+@final
+class SceneAssets:
+    def draw(self, pools: list[str]) -> _Asset: ...
+    def load(self, pool: str, name: str) -> _Asset: ...
+
+@final
+class FinishedDataset:
+    @property
+    def name(self) -> str: ...
+    @property
+    def seed(self) -> int: ...
+    @property
+    def scenes(self) -> list[int]: ...
+    @property
+    def categories(self) -> list[tuple[int, str]]: ...
+    def records(self, scene: int) -> bytes: ...

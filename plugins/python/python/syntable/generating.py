@@ -124,7 +124,7 @@ class Generation(Iterator[Sample]):
         return self._raw.failed
 
     def close(self) -> None:
-        """Ends the work. The iterator is then at its end."""
+        """Ends the work, and the iterator with it. Stages in Python that run two seconds longer are interrupted."""
         self._raw.close()
 
     def __enter__(self) -> Generation:
