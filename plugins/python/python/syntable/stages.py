@@ -1100,9 +1100,10 @@ def _kind(name: str, it: Any, table: Options, make: Callable[[Mapping[str, Any]]
 
 def _source(it: Any) -> tuple[str, str]:
     """The module of a stage, and its version."""
-    module = sys.modules.get(it.__module__)
+    # Code that `exec` runs may have no module.
+    owner = it.__module__ or "__main__"
+    module = sys.modules.get(owner)
     file = getattr(module, "__file__", None)
-    owner = it.__module__
     if owner == "__main__":
         owner = os.path.splitext(os.path.basename(file))[0] if file else "notebook"
     return owner, str(getattr(module, "__version__", "0"))
