@@ -76,9 +76,7 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
                 let is_above = |name: &&str| ["syntable-python", "syntable-testing"].contains(name);
                 crates.keys().map(String::as_str).filter(|name| !is_above(name)).collect()
             }
-            "syntable-python" => {
-                crates.keys().map(String::as_str).filter(|name| *name != "syntable-testing").collect()
-            }
+            "syntable-python" => crates.keys().map(String::as_str).filter(|name| *name != "syntable-testing").collect(),
             // Tools work on runs and datasets.
             "syntable-evaluate" | "syntable-report" => {
                 vec!["syntable-model", "syntable-formats", "syntable-recipe", "syntable-runtime"]
