@@ -20,7 +20,7 @@ use crate::run::progress::{Event, Guarded, Once, Reporter, Warnings};
 use crate::run::scene_range;
 use crate::run::stop::Stop;
 use crate::workers::{self, Pool, Stoppable};
-use order::{Closing, SceneOrder, SceneSamples};
+use order::{Closing, SceneOrder};
 use parking_lot::Mutex;
 use source::{Requests, SceneList};
 use std::ops::Range;
@@ -208,7 +208,7 @@ struct SampleMaker<'a> {
 
 impl SampleMaker<'_> {
     /// The samples of a scene. `None` if the scene fails. An error stops the work.
-    fn scene<'env>(&'env self, scene: u32, queue: &Queue<'env>) -> SceneSamples {
+    fn scene<'env>(&'env self, scene: u32, queue: &Queue<'env>) -> Result<Option<Vec<Sample>>> {
         let Self { tools, reporter, .. } = *self;
         let scenes = tools.recipe.dataset.scenes;
         if scene >= scenes {

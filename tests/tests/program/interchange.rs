@@ -34,6 +34,7 @@ fn dataset(out: &Path) {
     let mut run = syntable();
     run.arg("run").arg(recipe).arg("--out").arg(out);
     for set in [
+        "dataset.seed=7",
         &format!("camera.resolution={SIZE:?}"),
         "render.samples_per_pixel=1",
         "denoise.kind=\"none\"",

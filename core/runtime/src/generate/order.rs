@@ -1,6 +1,5 @@
 //! Scenes that are made in any order and taken in the order of their source.
 
-use super::Sample;
 use super::source::{NextScene, SceneSource};
 use crate::run::stop::Stop;
 use parking_lot::{Condvar, Mutex};
@@ -11,35 +10,32 @@ use syntable_model::error::Result;
 /// Interval at which a thread that waits for a scene of the source looks whether the work has ended.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// The samples of a scene. `None` if the scene failed.
-pub type SceneSamples = Result<Option<Vec<Sample>>>;
-
 /// Scenes that are made in any order and taken in the order of their source. No scene begins too far ahead of the next one to
-/// take.
-pub struct SceneOrder<'a> {
+/// take. A scene that fails is `None`.
+pub struct SceneOrder<'a, T> {
     source: &'a dyn SceneSource,
     /// Held while a thread waits for the next scene, so that scenes get places in their order.
     turn: Mutex<()>,
-    state: Mutex<SceneOrderState>,
+    state: Mutex<SceneOrderState<T>>,
     moved: Condvar,
     ahead: u64,
 }
 
-#[derive(Default)]
-struct SceneOrderState {
+struct SceneOrderState<T> {
     /// Place of the next scene to begin.
     next: u64,
     /// Place of the next scene to take.
     taken: u64,
-    done: BTreeMap<u64, (u32, SceneSamples)>,
+    done: BTreeMap<u64, (u32, Result<Option<T>>)>,
     /// Whether the source has ended.
     is_over: bool,
     is_closed: bool,
 }
 
-impl<'a> SceneOrder<'a> {
+impl<'a, T> SceneOrder<'a, T> {
     pub fn new(source: &'a dyn SceneSource, ahead: u64) -> Self {
-        Self { source, turn: Mutex::new(()), state: Mutex::default(), moved: Condvar::new(), ahead }
+        let state = SceneOrderState { next: 0, taken: 0, done: BTreeMap::new(), is_over: false, is_closed: false };
+        Self { source, turn: Mutex::new(()), state: Mutex::new(state), moved: Condvar::new(), ahead }
     }
 
     /// The next scene to make, and its place. `None` after the last one.
@@ -76,13 +72,13 @@ impl<'a> SceneOrder<'a> {
     }
 
     /// Stores a scene at its place.
-    pub fn put(&self, place: u64, scene: u32, samples: SceneSamples) {
-        self.state.lock().done.insert(place, (scene, samples));
+    pub fn put(&self, place: u64, scene: u32, made: Result<Option<T>>) {
+        self.state.lock().done.insert(place, (scene, made));
         self.moved.notify_all();
     }
 
     /// Waits for the next scene. `None` after the last one.
-    pub fn take(&self) -> Option<(u32, SceneSamples)> {
+    pub fn take(&self) -> Option<(u32, Result<Option<T>>)> {
         let mut state = self.state.lock();
         let place = state.taken;
         let made = loop {
@@ -101,9 +97,9 @@ impl<'a> SceneOrder<'a> {
 }
 
 /// When dropped, prevents further scenes from starting, and stops the scenes in progress.
-pub struct Closing<'a, 's>(pub &'a SceneOrder<'s>, pub &'a Stop);
+pub struct Closing<'a, 's, T>(pub &'a SceneOrder<'s, T>, pub &'a Stop);
 
-impl Drop for Closing<'_, '_> {
+impl<T> Drop for Closing<'_, '_, T> {
     fn drop(&mut self) {
         self.0.state.lock().is_closed = true;
         self.1.cancel();
