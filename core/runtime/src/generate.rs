@@ -111,7 +111,7 @@ pub fn generate(
 ///
 /// # Errors
 /// As [`generate`], and if the recipe lacks a scene of the source.
-pub fn generate_scenes(
+fn generate_scenes(
     recipe: &Recipe,
     options: &GenerateOptions,
     (scenes, count): (&dyn SceneSource, usize),
@@ -318,9 +318,7 @@ impl Generator {
     pub fn result(&self) -> &Generated {
         &self.result
     }
-}
 
-impl Generator {
     /// The next sample, as [`Iterator::next`] returns it, or [`Waited::NotYet`] after `patience`.
     pub fn next_within(&mut self, patience: Duration) -> Waited {
         match self.samples.as_ref().map(|samples| samples.recv_timeout(patience)) {

@@ -143,6 +143,13 @@ def test_scores_are_saved_for_a_report(dataset, data, predictions, tmp_path):
     st.evaluate(dataset, predictions, save=tmp_path / "scores.json", worst=2)
     made = st.report(data, tmp_path / "pages", scores=tmp_path / "scores.json", images=2)
     assert made.images >= 2
+    other = tmp_path / "mine.txt"
+    other.write_text("mine")
+    with pytest.raises(st.SyntableError, match="mine.txt.*overwrite=True"):
+        st.evaluate(dataset, predictions, save=other)
+    assert other.read_text() == "mine"
+    st.evaluate(dataset, predictions, save=other, overwrite=True)
+    assert other.read_text() != "mine"
 
 
 MASK = np.zeros((1, 48, 64), bool)

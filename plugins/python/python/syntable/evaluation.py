@@ -13,6 +13,7 @@ import numpy.typing as npt
 from . import _syntable
 from ._arguments import optional_path, whole
 from .datasets import Dataset, named
+from .errors import SyntableError
 from .generating import thread_count
 from .progress import Progress, listener
 
@@ -179,6 +180,7 @@ def evaluate(
     bootstrap: int | None = None,
     seed: int = 0,
     save: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
     worst: int | None = 24,
     worst_by: str | None = None,
     threads: int | None = None,
@@ -205,6 +207,7 @@ def evaluate(
         seed: Seed of these samples.
         save: File for all scores and the worst images with their predictions: pass it to `report` or `view` as
             ``scores``.
+        overwrite: Replace this file if it exists.
         worst: Number of worst images in this file; None for all.
         worst_by: Score by which images are the worst. Default: ``amodal_overlap_f``.
         threads: Number of threads; scores do not depend on it. Default: all cores.
@@ -213,9 +216,10 @@ def evaluate(
     Raises:
         TypeError: If predictions have another form.
         ValueError: If an argument has no such value, or arrays of an image have different lengths.
-        SyntableError: If the dataset or a file cannot be read, or masks have another size than their image.
+        SyntableError: If the dataset or a file cannot be read, masks have another size than their image, or the file to
+            save exists.
     """
-    truth = named(dataset)
+    truth, file = named(dataset), optional_path(save, "save")
     options = {
         "min_score": _number(min_score, "min_score"),
         "occluded_from": None if occluded_from is None else _number(occluded_from, "occluded_from", 0.0, 1.0),
@@ -226,8 +230,11 @@ def evaluate(
         "seed": whole(seed, "seed", 0, 2**64 - 1),
         "worst_by": worst_by,
         "worst": None if worst is None else whole(worst, "worst", 0),
-        "save": optional_path(save, "save"),
+        "save": file,
     }
+    if file is not None and not overwrite and os.path.exists(file):
+        help = "pass overwrite=True, or name another file"
+        raise SyntableError(f"{file}: `save` would replace this file ({help})", file=file, help=help)
     given: Any
     if isinstance(predictions, (Dataset, str, os.PathLike)):
         given = named(predictions)

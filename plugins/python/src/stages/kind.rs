@@ -21,7 +21,7 @@ pub struct Kind {
     name: String,
     /// Module or file.
     owner: String,
-    /// Digest of the source.
+    /// `__version__` of its module; `0` if it has none. Datasets record it.
     version: String,
     /// JSON Schema of the options.
     schema: String,
