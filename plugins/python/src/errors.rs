@@ -13,19 +13,25 @@ pub fn exception(py: Python<'_>, error: &Error) -> PyErr {
     made(py, error).unwrap_or_else(|failed| failed)
 }
 
+/// A message with arguments of functions for the options that it names: the library names an option by its field, as
+/// `` `options.overwrite` ``, and each argument has the name of its field.
+pub fn with_arguments(message: &str) -> String {
+    message.replace("`options.", "`")
+}
+
 fn made(py: Python<'_>, error: &Error) -> PyResult<PyErr> {
     let fields = fields(py, error)?;
     let class = py.import(CLASSES)?.getattr("SyntableError")?;
-    Ok(PyErr::from_value(class.call((error.to_string(),), Some(&fields))?))
+    Ok(PyErr::from_value(class.call((with_arguments(&error.to_string()),), Some(&fields))?))
 }
 
 fn fields<'py>(py: Python<'py>, error: &Error) -> PyResult<Bound<'py, PyDict>> {
     let fields = PyDict::new(py);
-    fields.set_item("message", error.message())?;
+    fields.set_item("message", with_arguments(error.message()))?;
     fields.set_item("file", error.file().map(|file| file.display().to_string()))?;
     let line = if let Some(Place::Line(line)) = error.place() { Some(line) } else { None };
     fields.set_item("line", line)?;
-    fields.set_item("help", error.help_text())?;
+    fields.set_item("help", error.help_text().map(with_arguments))?;
     Ok(fields)
 }
 

@@ -1,6 +1,6 @@
 //! Work of the library on another thread, while the calling thread shows its progress and handles signals.
 
-use crate::errors::exception;
+use crate::errors::{exception, with_arguments};
 use crate::stages::Interrupts;
 use crate::values;
 use parking_lot::Mutex;
@@ -109,8 +109,10 @@ impl Log for EventSender {
 /// Passes an event to a Python function.
 pub fn show(py: Python<'_>, progress: Option<&Py<PyAny>>, event: &Event) -> PyResult<()> {
     let Some(progress) = progress else { return Ok(()) };
-    let text = serde_json::to_value(event).map_err(|error| exception(py, &Error::new(error.to_string())))?;
-    progress.call1(py, (values::of_json(py, &text)?,)).map(drop)
+    let failed = |error: serde_json::Error| exception(py, &Error::new(error.to_string()));
+    let text = with_arguments(&serde_json::to_string(event).map_err(failed)?);
+    let event = serde_json::from_str(&text).map_err(failed)?;
+    progress.call1(py, (values::of_json(py, &event)?,)).map(drop)
 }
 
 /// Does work on another thread. The calling thread passes events to `progress`, and handles signals. A signal whose handler

@@ -133,6 +133,12 @@ def test_a_run_continues_and_repairs(data, small, tmp_path):
     assert files(out) == files(data)
 
 
+def test_errors_name_arguments_of_functions(data, small):
+    with pytest.raises(st.SyntableError, match="`overwrite`") as caught:
+        st.run(small.set("camera.resolution", [80, 60]), data)
+    assert "options." not in f"{caught.value} {caught.value.message} {caught.value.help}"
+
+
 def test_images_need_nothing(dataset):
     sample = dataset[0]
     assert sample._repr_png_().startswith(b"\x89PNG")
