@@ -10,11 +10,16 @@ const FIELD: &str = "`options.";
 
 /// A message with flags for the options that it names.
 pub fn with_flags(message: &str) -> Cow<'_, str> {
+    with_options(message, |name| format!("--{}", name.replace('_', "-")))
+}
+
+/// A message in which `option` names the options: it gets the name of each option's field.
+pub fn with_options(message: &str, option: impl Fn(&str) -> String) -> Cow<'_, str> {
     let mut parts = message.split(FIELD);
     let mut text = parts.next().unwrap_or_default().to_owned();
     for part in parts {
         match part.split_once('`').filter(|(name, _)| is_field(name)) {
-            Some((name, rest)) => text += &format!("--{}{rest}", name.replace('_', "-")),
+            Some((name, rest)) => text += &format!("{}{rest}", option(name)),
             None => text += &format!("{FIELD}{part}"),
         }
     }

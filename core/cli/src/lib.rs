@@ -15,7 +15,7 @@ pub use arguments::{IMAGE_FOLDER, RecipeArgs, RecipeChanges, TRUST_PATHS, amount
 pub use clap;
 pub use console::Console;
 pub use exit::Exit;
-pub use flags::with_flags;
+pub use flags::{with_flags, with_options};
 pub use outputs::{OutputFile, check_outputs};
 pub use signals::{Ends, ended, on_signals};
 pub use syntable_model::inventory;

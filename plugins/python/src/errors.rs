@@ -2,6 +2,7 @@
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
+use syntable_cli::with_options;
 use syntable_model::error::{Error, Place};
 use syntable_recipe::{Diagnostic, Report};
 
@@ -13,10 +14,9 @@ pub fn exception(py: Python<'_>, error: &Error) -> PyErr {
     made(py, error).unwrap_or_else(|failed| failed)
 }
 
-/// A message with arguments of functions for the options that it names: the library names an option by its field, as
-/// `` `options.overwrite` ``, and each argument has the name of its field.
+/// A message with arguments of functions for the options that it names: each argument has the name of its field.
 pub fn with_arguments(message: &str) -> String {
-    message.replace("`options.", "`")
+    with_options(message, |name| format!("`{name}`")).into_owned()
 }
 
 fn made(py: Python<'_>, error: &Error) -> PyResult<PyErr> {
