@@ -127,7 +127,7 @@ struct Shared {
     files: Vec<(String, PathBuf)>,
     choices: Vec<String>,
     undecided: Vec<String>,
-    libraries: Vec<String>,
+    code: Vec<(Slot, String)>,
 }
 
 /// The kind and the options of a stage.
@@ -144,11 +144,13 @@ pub(crate) fn assemble(dataset: DatasetTable, built: Vec<BuiltComponent>, lock: 
         resolved.push(ResolvedComponent { id: component.id.clone(), weight, stages });
         components.push((weight, Box::new(component)));
     }
-    let Shared { pools, mut write, mut files, mut choices, mut undecided, mut libraries, .. } = shared;
-    for several in [&mut choices, &mut undecided, &mut libraries] {
+    let Shared { pools, mut write, mut files, mut choices, mut undecided, mut code, .. } = shared;
+    for several in [&mut choices, &mut undecided] {
         let mut seen = BTreeSet::new();
         several.retain(|text| seen.insert(text.clone()));
     }
+    let mut seen = BTreeSet::new();
+    code.retain(|code| seen.insert(code.clone()));
     let mut seen = BTreeSet::new();
     files.retain(|(option, _)| seen.insert(option.clone()));
     write.sort_by(|(a, _), (b, _)| a.cmp(b));
@@ -172,7 +174,7 @@ pub(crate) fn assemble(dataset: DatasetTable, built: Vec<BuiltComponent>, lock: 
         folder: None,
         choices,
         undecided,
-        libraries,
+        code,
     })
 }
 
@@ -233,7 +235,7 @@ impl Shared {
         Some((component, resolved))
     }
 
-    /// Adds the files, the libraries and the chosen kinds of a component.
+    /// Adds the files, the code and the chosen kinds of a component.
     fn add_notes(&mut self, component: &str, built: &Built) {
         let is_shared = |option: &str| option.starts_with(&SHARED.stage_name(""));
         self.files.extend(built.files.iter().map(|(option, path)| {
@@ -242,7 +244,7 @@ impl Shared {
         }));
         self.choices.extend_from_slice(&built.choices);
         self.undecided.extend(built.undecided.iter().map(|stage| table(component, stage)));
-        self.libraries.extend_from_slice(&built.libraries);
+        self.code.extend_from_slice(&built.code);
     }
 
     /// The renderer of a component, or the renderer of an earlier component that describes it alike.

@@ -45,15 +45,16 @@ pub struct Recipe {
     pub choices: Vec<String>,
     /// Tables whose kind represents others and has not chosen one yet. Such a recipe can be planned, but not run.
     pub undecided: Vec<String>,
-    /// Native libraries that the recipe names by a path next to itself: code by the author of the recipe.
-    pub libraries: Vec<String>,
+    /// Code by the author of the recipe: native libraries that it names by a path next to itself, and programs. Each has the slot of its stage
+    /// and its option, such as `library = "oidn.so"`.
+    pub code: Vec<(Slot, String)>,
 }
 
 impl Recipe {
     /// Finds mistakes that would end a run: all of them are permanent. Native libraries are loaded; see
     /// [`trusted`](Self::trusted).
-    pub fn ready(&self, allow_libraries: bool) -> Result<()> {
-        self.trusted(allow_libraries)?;
+    pub fn ready(&self, allow_code: bool) -> Result<()> {
+        self.trusted(allow_code)?;
         for (_, component) in self.components.weights().filter(|(weight, _)| *weight > 0.0) {
             component.plan.ready()?;
             let devices = component.render.devices();
@@ -62,12 +63,21 @@ impl Recipe {
         self.checked()
     }
 
-    /// Refuses a recipe that brings native libraries of its own, unless they are allowed.
-    pub fn trusted(&self, allow_libraries: bool) -> Result<()> {
-        let Some(library) = self.libraries.first().filter(|_| !allow_libraries) else { return Ok(()) };
-        let help = "the library runs with your permissions: allow it with `options.allow_libraries` if you trust it, or name your own with ${NAME} or `options.set`";
-        let error = Error::new(format!("the recipe brings a native library of its own: {library}"));
-        Err(error.help(help))
+    /// Refuses a recipe that brings code of its own, unless it is allowed.
+    pub fn trusted(&self, allow_code: bool) -> Result<()> {
+        self.refuse_code(allow_code, |_| true)
+    }
+
+    /// The same for the code of the stages of a slot.
+    pub fn trusted_of(&self, slot: Slot, allow_code: bool) -> Result<()> {
+        self.refuse_code(allow_code, |of| of == slot)
+    }
+
+    fn refuse_code(&self, allow_code: bool, runs: impl Fn(Slot) -> bool) -> Result<()> {
+        let code = self.code.iter().find(|(slot, _)| runs(*slot) && !allow_code);
+        let Some((slot, option)) = code else { return Ok(()) };
+        let error = Error::new(format!("the recipe brings code of its own: {slot}: {option}"));
+        Err(error.help("the code runs with your permissions: allow it with `options.allow_code` if you trust it"))
     }
 
     /// Refuses images that do not fit in this machine's memory. If the camera does not state the size of its images,

@@ -48,8 +48,8 @@ pub struct GenerateOptions {
     pub products: Vec<String>,
     /// Numbers of the scenes, not empty. `None` for all scenes of the recipe.
     pub scenes: Option<Range<u32>>,
-    /// Load native libraries that the recipe names by a relative path. They are code of the recipe's author.
-    pub allow_libraries: bool,
+    /// Run code that the recipe brings: native libraries by a path beside it, and programs. It is code of the recipe's author.
+    pub allow_code: bool,
     /// Number of threads. The samples do not depend on it.
     pub threads: usize,
     /// Cache of results that later runs can use.
@@ -61,8 +61,8 @@ pub struct GenerateOptions {
 impl Default for GenerateOptions {
     /// All scenes and products, on all cores.
     fn default() -> Self {
-        let (products, scenes, allow_libraries, stop) = (Vec::new(), None, false, Stop::default());
-        Self { products, scenes, allow_libraries, threads: workers::available(), cache: DiskCache::of_user(), stop }
+        let (products, scenes, allow_code, stop) = (Vec::new(), None, false, Stop::default());
+        Self { products, scenes, allow_code, threads: workers::available(), cache: DiskCache::of_user(), stop }
     }
 }
 
@@ -121,7 +121,7 @@ fn generate_scenes(
     let guarded = Guarded(reporter);
     let reporter = &Once::new(&guarded);
     let (pool, log) = (Pool::new(options.threads)?, Warnings(reporter));
-    recipe.ready(options.allow_libraries)?;
+    recipe.ready(options.allow_code)?;
     recipe.fits()?;
     let components =
         recipe.components.all().map(|component| SampleWork::of(recipe, component, options)).collect::<Result<_>>()?;

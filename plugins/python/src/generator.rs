@@ -57,14 +57,14 @@ pub struct Generator {
 impl Generator {
     /// Starts to make samples. `products` are the names of what samples have; `scenes` are the first number, the end and the step.
     #[new]
-    #[pyo3(signature = (recipe, products, scenes, threads, allow_libraries, progress))]
+    #[pyo3(signature = (recipe, products, scenes, threads, allow_code, progress))]
     fn new(
         py: Python<'_>,
         recipe: &Recipe,
         products: Vec<String>,
         scenes: Option<(u32, u32, usize)>,
         threads: Option<usize>,
-        allow_libraries: bool,
+        allow_code: bool,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
         check_process(py)?;
@@ -72,8 +72,7 @@ impl Generator {
         let (sender, events): (EventSender, _) = events();
         warnings.into_iter().for_each(|warning| sender.message(&Message::Diagnostic(warning)));
         let stop = Stop::default();
-        let mut options =
-            GenerateOptions { products, allow_libraries, stop: stop.clone(), ..GenerateOptions::default() };
+        let mut options = GenerateOptions { products, allow_code, stop: stop.clone(), ..GenerateOptions::default() };
         options.threads = threads.unwrap_or(options.threads);
         let sender = Arc::new(sender);
         let made = match scenes {

@@ -57,16 +57,16 @@ impl State {
 impl Scenes {
     /// Nothing is made yet. `kept` is the number of scenes to keep.
     #[new]
-    #[pyo3(signature = (recipe, products, kept, threads, allow_libraries, progress))]
+    #[pyo3(signature = (recipe, products, kept, threads, allow_code, progress))]
     fn new(
         recipe: &Recipe,
         products: Vec<String>,
         kept: usize,
         threads: Option<usize>,
-        allow_libraries: bool,
+        allow_code: bool,
         progress: Option<Py<PyAny>>,
     ) -> Self {
-        let mut options = GenerateOptions { products, allow_libraries, ..GenerateOptions::default() };
+        let mut options = GenerateOptions { products, allow_code, ..GenerateOptions::default() };
         options.threads = threads.unwrap_or(options.threads);
         Self { recipe: recipe.clone(), options, progress, kept: kept.max(1), state: Mutex::default() }
     }

@@ -18,27 +18,6 @@ use std::collections::BTreeMap;
 use syntable_model::product::{DType, Tensor, Value};
 use syntable_model::scene::InstanceId;
 
-/// Types of NumPy by element type.
-const DTYPES: [(DType, &str); 12] = [
-    (DType::Bool, "bool"),
-    (DType::U8, "uint8"),
-    (DType::U16, "uint16"),
-    (DType::U32, "uint32"),
-    (DType::U64, "uint64"),
-    (DType::I8, "int8"),
-    (DType::I16, "int16"),
-    (DType::I32, "int32"),
-    (DType::I64, "int64"),
-    (DType::F16, "float16"),
-    (DType::F32, "float32"),
-    (DType::F64, "float64"),
-];
-
-/// NumPy's name of an element type.
-pub fn dtype_name(dtype: DType) -> &'static str {
-    DTYPES.iter().find(|(one, _)| *one == dtype).map_or("object", |(_, name)| name)
-}
-
 /// A value as a Python object.
 pub fn to_python<'py>(py: Python<'py>, value: Value) -> PyResult<Bound<'py, PyAny>> {
     Ok(match value {
@@ -74,10 +53,10 @@ pub fn array<'py>(py: Python<'py>, tensor: Tensor) -> PyResult<Bound<'py, PyAny>
     let Tensor { dtype, shape, bytes, .. } = tensor;
     if bytes.is_empty() {
         let numpy = py.import("numpy")?;
-        return numpy.call_method1("empty", (PyTuple::new(py, shape)?, dtype_name(dtype)));
+        return numpy.call_method1("empty", (PyTuple::new(py, shape)?, dtype.numpy()));
     }
     let bytes = PyArray1::from_vec(py, bytes);
-    let typed = if dtype == DType::U8 { bytes.into_any() } else { bytes.call_method1("view", (dtype_name(dtype),))? };
+    let typed = if dtype == DType::U8 { bytes.into_any() } else { bytes.call_method1("view", (dtype.numpy(),))? };
     typed.call_method1("reshape", (PyTuple::new(py, shape)?,))
 }
 
@@ -177,8 +156,8 @@ fn of_array(object: &Bound<'_, PyAny>) -> PyResult<Value> {
 /// A contiguous array as a tensor.
 pub fn tensor(array: &Bound<'_, PyAny>) -> PyResult<Tensor> {
     let name: String = array.getattr("dtype")?.getattr("name")?.extract()?;
-    let Some((dtype, _)) = DTYPES.iter().find(|(_, other)| *other == name) else {
-        let known: Vec<&str> = DTYPES.iter().map(|(_, name)| *name).collect();
+    let Some(dtype) = DType::ALL.into_iter().find(|dtype| dtype.numpy() == name) else {
+        let known = DType::ALL.map(DType::numpy);
         return Err(PyTypeError::new_err(format!(
             "an array of {name} is not a value of a product: use {}",
             known.join(", ")
@@ -187,7 +166,7 @@ pub fn tensor(array: &Bound<'_, PyAny>) -> PyResult<Tensor> {
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
     let bytes = array.call_method0("tobytes")?.cast_into::<PyBytes>()?;
     let axes = shape.iter().map(|_| "axis".into()).collect();
-    Ok(Tensor { dtype: *dtype, axes, shape, bytes: bytes.as_bytes().to_vec() })
+    Ok(Tensor { dtype, axes, shape, bytes: bytes.as_bytes().to_vec() })
 }
 
 /// A JSON value as a Python object.

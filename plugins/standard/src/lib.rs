@@ -54,6 +54,7 @@
 use syntable_annotate as _;
 use syntable_assets as _;
 use syntable_denoise as _;
+use syntable_exec as _;
 #[cfg(feature = "hdf5")]
 use syntable_hdf5 as _;
 use syntable_household as _;
@@ -70,10 +71,11 @@ use syntable_sensor as _;
 use syntable_write as _;
 
 /// Crates of stages and formats that this crate links.
-pub const STOCK_CRATES: [&str; 14] = [
+pub const STOCK_CRATES: [&str; 15] = [
     "syntable-annotate",
     "syntable-assets",
     "syntable-denoise",
+    "syntable-exec",
     "syntable-hdf5",
     "syntable-household",
     "syntable-interchange",
@@ -106,6 +108,6 @@ pub use syntable_runtime::images::ImageWork;
 pub use syntable_runtime::left_out::LeftOutReport;
 pub use syntable_runtime::run::progress::{Event, Quiet, Reporter};
 pub use syntable_runtime::run::stop::Stop;
-pub use syntable_runtime::run::{RunOptions, RunOutcome, Verified, merge, run, verify};
+pub use syntable_runtime::run::{MergeOptions, RunOptions, RunOutcome, Verified, merge, run, verify};
 pub use syntable_runtime::validate::{ValidatedDataset, validate_path as validate};
 pub use syntable_runtime::workers::{self, Pool};

@@ -404,9 +404,9 @@ fn a_library_beside_the_recipe_needs_consent() {
     std::fs::write(folder.path().join("lib.so"), "no library").expect("writable");
     ok(syntable().arg("check").arg(&file));
     let run = |more: &[&str]| fails(syntable().arg("run").arg(&file).arg("--out").arg(&out).args(more), 2);
-    assert!(run(&[]).contains("--allow-libraries"));
-    let loaded = run(&["--allow-libraries"]);
-    assert!(!loaded.contains("--allow-libraries") && loaded.contains("lib.so"), "{loaded}");
+    assert!(run(&[]).contains("--allow-code"));
+    let loaded = run(&["--allow-code"]);
+    assert!(!loaded.contains("--allow-code") && loaded.contains("lib.so"), "{loaded}");
     let typed = run(&["--set", &format!("denoise.library={:?}", folder.path().join("lib.so"))]);
     assert_eq!(typed, loaded);
 
@@ -417,7 +417,7 @@ fn a_library_beside_the_recipe_needs_consent() {
     let written =
         syntable::run(&recipe, &RunOptions::new(&*out, 1, DiskCache::none()), &Quiet).expect_err("no consent");
     for error in [generated, written] {
-        assert!(error.to_string().contains("options.allow_libraries"), "{error}");
+        assert!(error.to_string().contains("options.allow_code"), "{error}");
     }
     assert!(!out.exists());
 }

@@ -25,6 +25,7 @@ mod memory;
 mod mixture;
 mod mutations;
 mod preview;
+mod programs;
 mod recipes;
 mod report;
 mod splits;

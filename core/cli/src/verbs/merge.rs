@@ -9,6 +9,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
+use syntable_runtime::run::MergeOptions;
 use syntable_runtime::run::dataset::journal::Journal;
 use syntable_runtime::run::progress::count;
 use syntable_runtime::{run, workers};
@@ -23,6 +24,9 @@ pub(crate) struct MergeArgs {
     /// Add the parts to a dataset that already has other scenes.
     #[arg(long)]
     extend: bool,
+    /// Run programs that write files at the end of a run.
+    #[arg(long)]
+    allow_code: bool,
 }
 
 pub(crate) fn merge(console: &Console, registry: &Registry, args: &MergeArgs) -> Result<(), Exit> {
@@ -30,7 +34,8 @@ pub(crate) fn merge(console: &Console, registry: &Registry, args: &MergeArgs) ->
         is_no_part(&args.out, &args.parts)?;
     }
     let stop = on_signals(console, Ends::Work("merged scenes are kept, and the same command continues"))?;
-    let merged = run::merge(registry, &args.out, &args.parts, workers::available(), &stop, console.reporter());
+    let options = MergeOptions { threads: workers::available(), allow_code: args.allow_code, stop: stop.clone() };
+    let merged = run::merge(registry, &args.out, &args.parts, &options, console.reporter());
     end_of(console, &merged.map_err(|error| ended(&stop, error))?, &args.out)
 }
 

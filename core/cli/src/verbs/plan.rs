@@ -26,9 +26,9 @@ pub(crate) struct PlanArgs {
     /// Worker threads of the run. Default: all cores.
     #[arg(long, requires = "time", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Load native libraries that the recipe names by a relative path.
+    /// Run code that the recipe brings: native libraries and programs.
     #[arg(long, requires = "time")]
-    allow_libraries: bool,
+    allow_code: bool,
 }
 
 pub(crate) fn plan(console: &Console, registry: &Registry, args: &PlanArgs) -> Result<(), Exit> {
@@ -41,13 +41,13 @@ pub(crate) fn plan(console: &Console, registry: &Registry, args: &PlanArgs) -> R
 
 fn plan_with_time(console: &Console, registry: &Registry, args: &PlanArgs) -> Result<(), Exit> {
     let recipe = console.load_for_run(registry, &args.recipe)?;
-    recipe.ready(args.allow_libraries).map_err(Exit::wrong)?;
+    recipe.ready(args.allow_code).map_err(Exit::wrong)?;
     console.print(&table(&recipe))?;
     let stop = on_signals(console, Ends::Work("no file was written"))?;
     let options = ForecastOptions {
         measured: args.scenes,
         threads: threads(args.threads),
-        allow_libraries: args.allow_libraries,
+        allow_code: args.allow_code,
         cache: DiskCache::of_user(),
         stop: stop.clone(),
     };

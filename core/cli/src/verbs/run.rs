@@ -30,9 +30,9 @@ pub(crate) struct RunArgs {
     /// Delete the dataset in the folder, and start again.
     #[arg(long)]
     overwrite: bool,
-    /// Load native libraries that the recipe names by a relative path.
+    /// Run code that the recipe brings: native libraries and programs.
     #[arg(long)]
-    allow_libraries: bool,
+    allow_code: bool,
     /// Retry scenes that failed in an earlier run.
     #[arg(long)]
     retry_failed: bool,
@@ -51,12 +51,12 @@ const NEXT: [(&str, &str); 2] = [("view", "images and labels in a browser"), ("r
 /// `program` is the command line, which may have verbs that show the dataset.
 pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs, program: &clap::Command) -> Result<(), Exit> {
     let recipe = console.load_for_run(registry, &args.recipe)?;
-    recipe.ready(args.allow_libraries).map_err(Exit::wrong)?;
+    recipe.ready(args.allow_code).map_err(Exit::wrong)?;
     let scenes = args.scenes.map(|scenes| scenes.within(recipe.dataset.scenes)).transpose().map_err(Exit::wrong)?;
     let stop = on_signals(console, Ends::Work("finished scenes are kept, and the same command continues"))?;
     let options = RunOptions {
         scenes,
-        allow_libraries: args.allow_libraries,
+        allow_code: args.allow_code,
         overwrite: args.overwrite,
         retry_failed: args.retry_failed,
         repair: args.repair,

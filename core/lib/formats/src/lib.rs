@@ -15,6 +15,7 @@
 //! | [`decode`] | image and array files, read back |
 //! | [`image_file`] | files of color images, which conversions copy |
 //! | [`members`] | members of tar files, read in any order |
+//! | [`npz_archive`] | NumPy archives, read array by array |
 //! | [`draw`] | images for people: masks and outlines over images, panels side by side |
 //! | [`read`] | shared code of all readers |
 //! | [`record_arrays`] | products of any form as named arrays, and back |
@@ -46,6 +47,7 @@ pub mod index;
 pub mod json;
 pub mod listing;
 pub mod members;
+pub mod npz_archive;
 mod polygon;
 pub mod read;
 pub mod record_arrays;

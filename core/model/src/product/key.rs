@@ -1,7 +1,10 @@
 //! Typed names of products.
 
 use super::product_trait::AnyProduct;
-use super::{Form, Framing, Lighting, Product, ProductId, ProductRef, Stored};
+use super::{Form, Framing, Lighting, Product, ProductId, ProductRef, Stored, Value};
+use crate::intern::intern;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::any::{TypeId, type_name};
 use std::fmt;
 use std::marker::PhantomData;
@@ -42,7 +45,8 @@ impl fmt::Display for Scope {
 }
 
 /// The meaning of a product's numbers, beyond their type. A writer that does not know the product shows it by its meaning.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Semantic {
     /// A color: floats are linear Rec. 709, 8-bit integers are sRGB-encoded.
@@ -56,6 +60,7 @@ pub enum Semantic {
     /// Pixels inside or outside of a region.
     Mask,
     /// Anything else: numbers, records, text.
+    #[default]
     Data,
 }
 
@@ -230,6 +235,20 @@ impl KeyId {
         self.framed_as(product, framing)
     }
 
+    /// The key of a product for the text of a recipe: of a linked crate, or else of [any type](Self::is_of_any_type). None for
+    /// a text that is no name of a product.
+    pub fn named(text: &str) -> Option<Self> {
+        let (product, framing) = text.parts()?;
+        let of_crate = linked().into_iter().find_map(|key| key.framed_as(product, framing));
+        let of_any_type = || Key::<AnyType>::view(intern(product), "").framed(framing).id();
+        Some(of_crate.unwrap_or_else(of_any_type))
+    }
+
+    /// Whether a stage that reads the product takes any type, because it names products only while the program runs.
+    pub fn is_of_any_type(&self) -> bool {
+        self.type_id() == TypeId::of::<AnyType>()
+    }
+
     fn framed_as(&self, product: &str, framing: Framing) -> Option<Self> {
         let can_be = framing.objects().is_none() || matches!(self.form(), Form::Image { .. });
         (product == self.product && can_be).then(|| self.framed(framing))
@@ -323,6 +342,15 @@ impl fmt::Display for KeyId {
 impl fmt::Debug for KeyId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{self}: {}", self.type_name())
+    }
+}
+
+/// The type of a product that may have any type.
+enum AnyType {}
+
+impl Product for AnyType {
+    fn encode(&self) -> Value {
+        match *self {}
     }
 }
 

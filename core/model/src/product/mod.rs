@@ -8,6 +8,7 @@
 mod bbox;
 mod camera;
 mod counts;
+mod declared;
 mod decode;
 mod depths;
 mod extent;
@@ -34,6 +35,7 @@ mod value;
 pub use bbox::{BBox, meeting_boxes};
 pub use camera::{DistortionRecord, StatedCamera};
 pub use counts::PixelCounts;
+pub use declared::{DeclaredForm, DeclaredProduct};
 pub use decode::Stored;
 pub use depths::{ObjectDepths, ObjectRun};
 pub use extent::{Extent, extents};

@@ -3,8 +3,9 @@
 use super::{BBox, Mask};
 use crate::scene::InstanceId;
 use half::f16;
-use serde::Serialize;
+use schemars::JsonSchema;
 use serde::ser::{SerializeMap, SerializeSeq};
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -130,32 +131,44 @@ impl Serialize for Value {
     }
 }
 
-/// Element type of a tensor.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Element type of a tensor, by its name in NumPy.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum DType {
     /// Boolean, one byte.
+    #[serde(rename = "bool")]
     Bool,
     /// Unsigned, 8 bits.
+    #[serde(rename = "uint8")]
     U8,
     /// Unsigned, 16 bits.
+    #[serde(rename = "uint16")]
     U16,
     /// Unsigned, 32 bits.
+    #[serde(rename = "uint32")]
     U32,
     /// Unsigned, 64 bits.
+    #[serde(rename = "uint64")]
     U64,
     /// Signed, 8 bits.
+    #[serde(rename = "int8")]
     I8,
     /// Signed, 16 bits.
+    #[serde(rename = "int16")]
     I16,
     /// Signed, 32 bits.
+    #[serde(rename = "int32")]
     I32,
     /// Signed, 64 bits.
+    #[serde(rename = "int64")]
     I64,
     /// IEEE half precision.
+    #[serde(rename = "float16")]
     F16,
     /// IEEE single precision.
+    #[serde(rename = "float32")]
     F32,
     /// IEEE double precision.
+    #[serde(rename = "float64")]
     F64,
 }
 
@@ -167,6 +180,40 @@ impl DType {
             Self::U16 | Self::I16 | Self::F16 => 2,
             Self::U32 | Self::I32 | Self::F32 => 4,
             Self::U64 | Self::I64 | Self::F64 => 8,
+        }
+    }
+
+    /// All element types.
+    pub const ALL: [Self; 12] = [
+        Self::Bool,
+        Self::U8,
+        Self::U16,
+        Self::U32,
+        Self::U64,
+        Self::I8,
+        Self::I16,
+        Self::I32,
+        Self::I64,
+        Self::F16,
+        Self::F32,
+        Self::F64,
+    ];
+
+    /// Its name in NumPy.
+    pub fn numpy(self) -> &'static str {
+        match self {
+            Self::Bool => "bool",
+            Self::U8 => "uint8",
+            Self::U16 => "uint16",
+            Self::U32 => "uint32",
+            Self::U64 => "uint64",
+            Self::I8 => "int8",
+            Self::I16 => "int16",
+            Self::I32 => "int32",
+            Self::I64 => "int64",
+            Self::F16 => "float16",
+            Self::F32 => "float32",
+            Self::F64 => "float64",
         }
     }
 

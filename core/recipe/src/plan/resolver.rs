@@ -306,7 +306,7 @@ impl Resolver {
     /// Checks the type of a product that a producer reads, and that it is known in time.
     fn check_read(&mut self, index: usize, read: &KeyId, scope: Scope, by: &Asker) {
         let Some(entry) = self.entry(read.product_id()).cloned() else { return };
-        if entry.key.type_id() != read.type_id() {
+        if entry.key.type_id() != read.type_id() && !read.is_of_any_type() {
             let (theirs, ours) = (entry.key.type_name(), read.type_name());
             let message = format!("{} reads `{read}` as {ours}, but {} provides {theirs}", by.stage, entry.provider);
             let help =

@@ -62,6 +62,8 @@ enum ReferenceKind {
     File,
     /// A native library.
     Library,
+    /// A program.
+    Program,
     /// A product.
     Product,
     /// A support of the scene.
@@ -78,6 +80,7 @@ impl ReferenceKind {
             "path" => Self::Path,
             "file" => Self::File,
             "library" => Self::Library,
+            "program" => Self::Program,
             "product" => Self::Product,
             SupportName::REFERENCE => Self::Support,
             ObjectPool::REFERENCE => Self::ObjectPool,
@@ -97,8 +100,9 @@ pub(crate) struct StageReferences {
     pub object_pools: BTreeSet<String>,
     /// Paths by their option.
     pub paths: Vec<(Vec<Step>, variables::Resolved)>,
-    /// Native libraries that a file of the recipe names by a path next to itself, each as `library = "oidn.so"`.
-    pub libraries: Vec<String>,
+    /// Code that the recipe brings, each as `library = "oidn.so"`: native libraries that a file of the recipe names by a path next
+    /// to itself, and all programs, whose arguments may be code, too.
+    pub code: Vec<String>,
     /// Whether a path does not exist. The stage is built nevertheless.
     pub absent: bool,
     /// Options with a name that is refused.
@@ -130,12 +134,13 @@ impl Loader<'_, '_> {
         names: &mut PoolNames,
         diagnostics: &mut Vec<DiagnosticBuilder>,
     ) -> StageReferences {
-        // An option can be a path and also a file or a library.
+        // An option can be a path and also a file, a library or a program.
         let of_kind = |kind: ReferenceKind| -> BTreeSet<Vec<Step>> {
             let found = references.iter().filter(|reference| ReferenceKind::of(reference) == kind);
             found.map(|reference| reference.path.clone()).collect()
         };
-        let (paths, files) = (of_kind(ReferenceKind::Path), of_kind(ReferenceKind::File));
+        let paths = of_kind(ReferenceKind::Path);
+        let (files, programs) = (of_kind(ReferenceKind::File), of_kind(ReferenceKind::Program));
         let libraries = of_kind(ReferenceKind::Library);
         let mut found = StageReferences::default();
         for reference in references {
@@ -150,7 +155,9 @@ impl Loader<'_, '_> {
                     if !libraries.contains(&reference.path) && !(self.overrides.exists)(&path.path) {
                         diagnostics.push(self.absent(&reference, &path.path));
                         found.absent = true;
-                    } else if files.contains(&reference.path) && path.path.is_dir() {
+                    } else if (files.contains(&reference.path) || programs.contains(&reference.path))
+                        && path.path.is_dir()
+                    {
                         diagnostics.push(folder_for_file(&reference, &path.path));
                         found.absent = true;
                     }
@@ -159,9 +166,10 @@ impl Loader<'_, '_> {
                 ReferenceKind::Library => {
                     let typed = self.sources.file_of(&reference.span).is_none_or(|file| file.name() == SET);
                     if !typed && !reference.text.starts_with("${") && Path::new(&reference.text).is_relative() {
-                        found.libraries.push(format!("{} = {:?}", DisplayPath(&reference.path), reference.text));
+                        found.code.push(of_option(&reference));
                     }
                 }
+                ReferenceKind::Program => found.code.push(of_option(&reference)),
                 ReferenceKind::Product => match self.renamed.product(&reference.text, &reference.span) {
                     Some((diagnostic, new)) => {
                         diagnostics.push(diagnostic);
@@ -320,6 +328,11 @@ impl Loader<'_, '_> {
             }
         }
     }
+}
+
+/// An option with its text, such as `library = "oidn.so"`.
+fn of_option(reference: &Reference) -> String {
+    format!("{} = {:?}", DisplayPath(&reference.path), reference.text)
 }
 
 fn default_of(kind: &str, reference: &Reference) -> String {

@@ -64,8 +64,8 @@ pub(crate) struct Built<'r> {
     pub files: Vec<(String, PathBuf)>,
     /// Which pools the stages draw from.
     pub draws: Vec<Draw>,
-    /// Native libraries that the recipe names by a path next to itself, such as `denoise: library = "oidn.so"`.
-    pub libraries: Vec<String>,
+    /// Code that the recipe brings; see [`Recipe::code`](crate::recipe::Recipe::code).
+    pub code: Vec<(Slot, String)>,
     /// Kinds that were chosen, for users.
     pub choices: Vec<String>,
     /// Tables whose kind was not chosen yet.
@@ -149,7 +149,7 @@ impl<'r> Loader<'_, 'r> {
             checked.references.iter().map(|reference| (reference.path.clone(), reference.text.clone())).collect();
         let mut references = self.references(checked.references, &mut given, names, diagnostics);
         let slot = given.slot;
-        built.libraries.extend(references.libraries.iter().map(|library| format!("{slot}: {library}")));
+        built.code.extend(std::mem::take(&mut references.code).into_iter().map(|code| (slot, code)));
         let ok = valid && references.wrong.is_empty();
         let constructed = if ok {
             self.construct(entry, &given, diagnostics)

@@ -31,8 +31,8 @@ pub struct ForecastOptions {
     pub measured: Option<u32>,
     /// Number of threads of the run.
     pub threads: usize,
-    /// Load native libraries that the recipe names by a relative path. They are code of the recipe's author.
-    pub allow_libraries: bool,
+    /// Run code that the recipe brings: native libraries by a path beside it, and programs. It is code of the recipe's author.
+    pub allow_code: bool,
     /// Cache of results that later runs can use.
     pub cache: DiskCache,
     /// Ends the work early on request.
@@ -146,7 +146,7 @@ pub fn forecast(recipe: &Recipe, options: &ForecastOptions, reporter: &dyn Repor
     let of = |scenes: u32| RunOptions {
         scenes: Some(0..scenes),
         scenes_in_flight: Some(1),
-        allow_libraries: options.allow_libraries,
+        allow_code: options.allow_code,
         ..RunOptions::new(Arc::clone(&store) as Arc<dyn Store>, options.threads, options.cache.clone())
     };
     let made = run_timed(recipe, &RunOptions { stop: stop.clone(), ..of(wanted) }, &watch, &times);

@@ -9,10 +9,10 @@ use crate::run::dataset::manifest::Stamp;
 use crate::run::decisions::growth;
 use crate::run::decisions::inputs;
 use crate::run::finish;
+use crate::run::options::MergeOptions;
 use crate::run::outcome::{RunOutcome, stopping};
 use crate::run::progress::{Event, Guarded, Reporter, Warnings, count};
 use crate::run::scene_range::ranges;
-use crate::run::stop::Stop;
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::btree_map::Entry;
@@ -21,7 +21,7 @@ use std::time::Instant;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::{DatasetPath, RESERVED};
-use syntable_model::registry::Registry;
+use syntable_model::registry::{Registry, Slot};
 use syntable_model::store::StoreFolder;
 use syntable_recipe::{Lock, Overrides, Recipe, Source, lock_of, with_devices, without_lock};
 
@@ -39,10 +39,10 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     registry: &Registry,
     out: impl Into<StoreFolder>,
     parts: &[P],
-    threads: usize,
-    stop: &Stop,
+    options: &MergeOptions,
     reporter: &dyn Reporter,
 ) -> Result<RunOutcome> {
+    let MergeOptions { threads, allow_code, stop } = options;
     let start = Instant::now();
     let reporter = &Guarded(reporter);
     let (out, parts) = (out.into(), parts.iter().cloned().map(Into::into).collect::<Vec<StoreFolder>>());
@@ -57,6 +57,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     let mut inputs = PartInputs::default();
     parts.iter().try_for_each(|part| inputs.add(part))?;
     let recipe = load(registry, &first.recipe)?;
+    recipe.trusted_of(Slot::Write, *allow_code)?;
     ready(&recipe)?;
     let log = Warnings(reporter);
     let folder = Folder::open(&out)?;
@@ -80,7 +81,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
         views_per_scene: recipe.dataset.views_per_scene,
         resumed: begun.entries.len() as u32,
         images: chosen.iter().map(|(entry, _)| u64::from(entry.views())).sum(),
-        threads,
+        threads: *threads,
     });
     let journal = Mutex::new(journal);
     for (done, (entry, part)) in chosen.iter().enumerate() {
@@ -97,7 +98,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     catalogs(&begun.folder, &first.folder).map_err(stopping)?;
     let journal = journal.into_inner();
     let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains_key(scene)).collect();
-    let (pool, told) = (Pool::new(threads)?, BTreeSet::new());
+    let (pool, told) = (Pool::new(*threads)?, BTreeSet::new());
     let outcome = finish::end(&recipe, reporter, &pool, &begun.folder, journal, &resolved, (false, &(0..0), &told))
         .map_err(stopping)?;
     let missing = lacks.len() as u32;

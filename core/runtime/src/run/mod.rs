@@ -33,7 +33,7 @@ pub use convert::{Converted, check_images, check_place, convert_dataset, not_lis
 pub use dataset::loss::Loss;
 pub use dataset::verify::{Verified, verify};
 pub use merge::merge;
-pub use options::RunOptions;
+pub use options::{MergeOptions, RunOptions};
 pub use outcome::RunOutcome;
 pub use scene_range::SceneRange;
 

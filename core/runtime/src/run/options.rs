@@ -15,8 +15,8 @@ pub struct RunOptions {
     pub threads: usize,
     /// Maximum number of scenes in progress at once; `None`: one per thread. The dataset does not depend on it.
     pub scenes_in_flight: Option<usize>,
-    /// Load native libraries that the recipe names by a relative path. They are code of the recipe's author.
-    pub allow_libraries: bool,
+    /// Run code that the recipe brings: native libraries by a path beside it, and programs. It is code of the recipe's author.
+    pub allow_code: bool,
     /// Delete an existing dataset.
     pub overwrite: bool,
     /// Retry scenes that failed in an earlier run.
@@ -32,6 +32,23 @@ pub struct RunOptions {
     pub stop: Stop,
 }
 
+/// Options of a merge.
+pub struct MergeOptions {
+    /// Number of threads.
+    pub threads: usize,
+    /// Run programs that write the files at the end. They are code of the author of the parts' recipe.
+    pub allow_code: bool,
+    /// Ends the merge early on request.
+    pub stop: Stop,
+}
+
+impl MergeOptions {
+    /// Options of a merge with this number of threads.
+    pub fn new(threads: usize) -> Self {
+        Self { threads, allow_code: false, stop: Stop::default() }
+    }
+}
+
 impl RunOptions {
     /// Options to make all scenes in a folder with this number of threads.
     pub fn new(out: impl Into<StoreFolder>, threads: usize, cache: DiskCache) -> Self {
@@ -41,7 +58,7 @@ impl RunOptions {
             scenes: None,
             threads,
             scenes_in_flight: None,
-            allow_libraries: false,
+            allow_code: false,
             overwrite: false,
             retry_failed: false,
             repair: false,

@@ -71,8 +71,8 @@ pub struct Wanted {
     pub products: Vec<String>,
     /// Maximum width of images, px. A larger image is rendered with fewer pixels, and shows the same.
     pub width: u32,
-    /// Load native libraries that the recipe names by a relative path. They are code of the recipe's author.
-    pub allow_libraries: bool,
+    /// Run code that the recipe brings: native libraries by a path beside it, and programs. It is code of the recipe's author.
+    pub allow_code: bool,
 }
 
 impl Previewer {
@@ -112,7 +112,7 @@ impl Previewer {
         stop: &'p Stop,
     ) -> Result<Pass<'p>> {
         let Some((recipe, parts)) = &self.current else { return Err(Error::new("no recipe has been loaded yet")) };
-        recipe.ready(wanted.allow_libraries)?;
+        recipe.ready(wanted.allow_code)?;
         for message in recipe.choices.iter().cloned().chain(inputs::emulated(recipe)?) {
             if self.noted.insert(message.clone()) {
                 reporter.event(&Event::Note { message });

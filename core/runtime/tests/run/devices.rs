@@ -7,10 +7,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use syntable_model::error::Error;
 use syntable_recipe::{Overrides, Recipe, Report, Source, lock_of};
-use syntable_runtime::run::RunOptions;
 use syntable_runtime::run::dataset::journal::JournalEntry;
 use syntable_runtime::run::progress::{Event, Quiet, Reporter};
-use syntable_runtime::run::stop::Stop;
+use syntable_runtime::run::{MergeOptions, RunOptions};
 use syntable_testing::folder::files;
 
 /// A recipe with three scenes of two views.
@@ -176,7 +175,7 @@ fn a_dataset_names_the_cards_that_rendered_it() {
     run_scenes(&light, &at("third"), 1, Some(1..3)).expect("the second part elsewhere");
     let merge = |out: &str, parts: [&str; 2]| {
         let (parts, said): (Vec<PathBuf>, _) = (parts.iter().map(|part| at(part)).collect(), Said::default());
-        syntable_runtime::run::merge(&registry(), at(out), &parts, 1, &Stop::default(), &said).expect("merges");
+        syntable_runtime::run::merge(&registry(), at(out), &parts, &MergeOptions::new(1), &said).expect("merges");
         (said.contains("different devices rendered the parts: X1 (driver 1), X2"), devices_of(&at(out)))
     };
     assert_eq!(merge("one", ["first", "second"]), (false, vec!["X1 (driver 1)".to_owned()]));

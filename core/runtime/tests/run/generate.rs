@@ -128,7 +128,7 @@ fn a_product_of_a_moment_comes_with_each_view_at_it() {
     previewer.set(load()).expect("sound");
     let (stop, log) = (Stop::default(), Warnings(&Quiet));
     let mut pass =
-        previewer.pass(&Wanted { products, width: 4, allow_libraries: false }, &Quiet, &log, &stop).expect("pools");
+        previewer.pass(&Wanted { products, width: 4, allow_code: false }, &Quiet, &log, &stop).expect("pools");
     let mut seen = Vec::new();
     pass.scene(1, &[4, 1, 0], &mut |view, products, _| seen.push((view, tick(products)))).expect("made");
     assert_eq!((seen, Counters::ticks(21)), (vec![(4, 2.0), (1, 0.0), (0, 0.0)], 4 * 3 + 2));

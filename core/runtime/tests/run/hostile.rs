@@ -9,8 +9,7 @@ use std::path::{Path, PathBuf};
 use syntable_model::digest::Digest;
 use syntable_model::error::Error;
 use syntable_runtime::run::progress::Quiet;
-use syntable_runtime::run::stop::Stop;
-use syntable_runtime::run::{RunOptions, merge, verify};
+use syntable_runtime::run::{MergeOptions, RunOptions, merge, verify};
 
 const RECIPE: &str = "[dataset]\nscenes = 2\nviews_per_scene = 1\nname = \"hostile\"\n\
     [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n\
@@ -93,7 +92,8 @@ impl Place {
             change(&mut options);
             run_with(recipe, options, &Quiet)
         };
-        let merge = |out: &Path, part: &Path| merge(&registry(), out, &[part.to_owned()], 1, &Stop::default(), &Quiet);
+        let merge =
+            |out: &Path, part: &Path| merge(&registry(), out, &[part.to_owned()], &MergeOptions::new(1), &Quiet);
         let before = self.all();
         let told: Vec<_> = [
             with(RECIPE, &|_| {}),
@@ -358,7 +358,7 @@ fn nothing_is_written_or_removed_behind_a_link() {
     let found = verify(&data, 1).expect("it only looks");
     assert!(!found.whole() && found.linked == ["lines/000000.json"], "{found:?}");
     let part = [data.clone()];
-    let error = merge(&registry(), place.at("merged"), &part, 1, &Stop::default(), &Quiet).expect_err("a link");
+    let error = merge(&registry(), place.at("merged"), &part, &MergeOptions::new(1), &Quiet).expect_err("a link");
     assert!(error.to_string().contains("follows no links in parts"), "{error}");
     run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
     assert!(fs::symlink_metadata(&file).expect("there").is_file() && place.is_unharmed());
@@ -378,7 +378,7 @@ fn the_lock_of_a_part_names_no_file_elsewhere() {
     let lock = "\n[lock.catalogs]\n\"../../../others/000000\" = { assets = 0, digest = \"00\" }\n";
     fs::write(data.join("recipe.toml"), recipe + lock).expect("writable");
     fs::write(data.join(".syntable/finished.json"), "{\"files\":{}}").expect("writable");
-    let error = merge(&registry(), place.at("merged"), &[data], 1, &Stop::default(), &Quiet).expect_err("elsewhere");
+    let error = merge(&registry(), place.at("merged"), &[data], &MergeOptions::new(1), &Quiet).expect_err("elsewhere");
     assert!(error.to_string().contains("lock.catalogs") && place.is_unharmed(), "{error}");
     assert!(!place.at("merged").exists());
 }

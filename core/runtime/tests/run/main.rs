@@ -74,7 +74,7 @@ fn a_forecast_agrees_with_the_run() {
     let options = ForecastOptions {
         measured: Some(2),
         threads: 2,
-        allow_libraries: false,
+        allow_code: false,
         cache: DiskCache::new(folder.path().join("cache")),
         stop: Stop::default(),
     };

@@ -16,7 +16,7 @@ use syntable_runtime::run::dataset::journal::JournalEntry;
 use syntable_runtime::run::preview::{Previewer, Wanted};
 use syntable_runtime::run::progress::{Quiet, Warnings};
 use syntable_runtime::run::stop::Stop;
-use syntable_runtime::run::{RunOptions, merge, verify};
+use syntable_runtime::run::{MergeOptions, RunOptions, merge, verify};
 use syntable_testing::folder::files;
 
 const SCENES: u32 = 12;
@@ -118,7 +118,7 @@ fn threads_growth_merging_and_interruptions_do_not_change_a_mixture() {
     run_scenes(&text, &out("a"), 1, Some(0..7)).expect("made");
     run_scenes(&text, &out("b"), 1, Some(7..SCENES)).expect("made");
     let parts: Vec<PathBuf> = vec![out("a"), out("b")];
-    merge(&registry(), out("merged"), &parts, 2, &Stop::default(), &Quiet).expect("merged");
+    merge(&registry(), out("merged"), &parts, &MergeOptions::new(2), &Quiet).expect("merged");
     assert_same(&out("merged"), &out("whole"));
 }
 
@@ -237,7 +237,7 @@ fn previews_of_a_mixture_are_the_views_of_its_run() {
         loaded.unwrap_or_else(|report| panic!("{report}")).0
     };
     let mut previewer = Previewer::new(1, DiskCache::new(folder.path().join("cache"))).expect("threads");
-    let wanted = Wanted { products: vec!["thought".into()], width: 4, allow_libraries: false };
+    let wanted = Wanted { products: vec!["thought".into()], width: 4, allow_code: false };
     let (stop, log) = (Stop::default(), Warnings(&Quiet));
     let mut keys = Vec::new();
     for (number, nits) in [7, 8].into_iter().enumerate() {

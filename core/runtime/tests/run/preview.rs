@@ -28,7 +28,7 @@ fn a_preview_leaves_out_what_a_run_leaves_out() {
     previewer.set(recipe).expect("sound");
     let (stop, log) = (Stop::default(), Warnings(&Quiet));
     let mut pass =
-        previewer.pass(&Wanted { products, width: 4, allow_libraries: false }, &Quiet, &log, &stop).expect("pools");
+        previewer.pass(&Wanted { products, width: 4, allow_code: false }, &Quiet, &log, &stop).expect("pools");
     let mut seen = Vec::new();
     for scene in 0..2 {
         pass.scene(scene, &[0, 1, 2], &mut |view, _, _| seen.push((scene, view))).expect("made");
@@ -74,7 +74,7 @@ fn a_preview_tries_a_scene_again_as_a_run_does() {
         .unwrap_or_else(|report| panic!("{report}"));
     let mut previewer = Previewer::new(1, DiskCache::new(folder.path().join("../cache"))).expect("threads");
     previewer.set(recipe).expect("sound");
-    let wanted = Wanted { products: vec!["light".to_owned()], width: 4, allow_libraries: false };
+    let wanted = Wanted { products: vec!["light".to_owned()], width: 4, allow_code: false };
     let lost = || Error::device("the device was lost");
     for (error, times, attempts, is_made) in [
         (lost(), 2, vec![(0, false), (0, false)], true),

@@ -11,8 +11,7 @@ use syntable_model::files::DatasetPath;
 use syntable_model::store::{Access, Fill, Found, Hold, Kind, MemStore, Store, StoreFolder, StoredFile};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::Quiet;
-use syntable_runtime::run::stop::Stop;
-use syntable_runtime::run::{RunOptions, merge, verify};
+use syntable_runtime::run::{MergeOptions, RunOptions, merge, verify};
 use syntable_testing::folder::{files, files_of_store as files_of};
 
 type Files = BTreeMap<String, Vec<u8>>;
@@ -101,7 +100,7 @@ fn parts_of_any_store_are_merged_into_any_other() {
     let within = |name: &str| StoreFolder::from(Arc::clone(&store)).inner(&DatasetPath::new(name).expect("a path"));
     run_with(&text, RunOptions { scenes: Some(2..3), ..options(within("part")) }, &Quiet).expect("a part");
     let parts = [StoreFolder::from(&on_disk), within("part")];
-    let merge = |out: StoreFolder| merge(&registry(), out, &parts, 1, &Stop::default(), &Quiet);
+    let merge = |out: StoreFolder| merge(&registry(), out, &parts, &MergeOptions::new(1), &Quiet);
     merge(within("whole")).expect("into memory");
     let merged: Files = files_of(&store)
         .into_iter()
@@ -368,5 +367,5 @@ fn a_dataset_that_is_merged_survives_any_fault() {
         store
     };
     let parts = [part(0), part(1)];
-    everywhere("merge", &Files::new(), &|out| merge(&registry(), out, &parts, 1, &Stop::default(), &Quiet).map(drop));
+    everywhere("merge", &Files::new(), &|out| merge(&registry(), out, &parts, &MergeOptions::new(1), &Quiet).map(drop));
 }

@@ -12,7 +12,7 @@ use syntable_runtime::run::dataset::folder::Folder;
 use syntable_runtime::run::dataset::journal::Journal;
 use syntable_runtime::run::progress::{Event, Quiet, Reporter};
 use syntable_runtime::run::stop::Stop;
-use syntable_runtime::run::{RunOptions, RunOutcome, merge, verify};
+use syntable_runtime::run::{MergeOptions, RunOptions, RunOutcome, merge, verify};
 use syntable_testing::folder::files;
 
 const RECIPE: &str = "[dataset]\nscenes = 4\nviews_per_scene = 2\nname = \"whole\"\n\
@@ -197,18 +197,20 @@ fn parts_are_merged_into_what_one_run_makes() {
     run(RECIPE, &whole, 2).expect("whole");
     let parts = parts(folder.path(), RECIPE);
     let before: Vec<_> = parts.iter().map(|part| files(part)).collect();
-    let call = |stop: &Stop, reporter: &dyn Reporter| merge(&registry(), &merged, &parts, 2, stop, reporter);
+    let call = |stop: &Stop, reporter: &dyn Reporter| {
+        merge(&registry(), &merged, &parts, &MergeOptions { stop: stop.clone(), ..MergeOptions::new(2) }, reporter)
+    };
     assert!(stopped_anywhere(&call, &|| drop(verify(&merged, 1))) >= 1);
     assert_same(&whole, &merged);
     assert!(verify(&merged, 1).expect("a dataset").whole());
     // A second merge changes nothing, and a single part can be merged.
-    merge(&registry(), &merged, &parts[..1], 1, &Stop::default(), &Quiet).expect("merged already");
+    merge(&registry(), &merged, &parts[..1], &MergeOptions::new(1), &Quiet).expect("merged already");
     assert_same(&whole, &merged);
     let one = folder.path().join("one");
-    merge(&registry(), &one, &parts[..1], 1, &Stop::default(), &Quiet).expect("one part");
+    merge(&registry(), &one, &parts[..1], &MergeOptions::new(1), &Quiet).expect("one part");
     assert_same(&parts[0], &one);
     // A run continues the merged dataset, and the parts are unchanged.
-    merge(&registry(), &one, &parts[2..], 1, &Stop::default(), &Quiet).expect("another part");
+    merge(&registry(), &one, &parts[2..], &MergeOptions::new(1), &Quiet).expect("another part");
     run(RECIPE, &one, 1).expect("goes on");
     assert_same(&whole, &one);
     for (part, before) in parts.iter().zip(before) {
@@ -223,7 +225,7 @@ fn parts_that_do_not_belong_together_are_refused() {
     let merge = |parts: &[&PathBuf]| {
         let parts: Vec<PathBuf> = parts.iter().map(|&part| part.clone()).collect();
         let out = folder.path().join("merged");
-        let error = merge(&registry(), &out, &parts, 1, &Stop::default(), &Quiet).expect_err("refused").to_string();
+        let error = merge(&registry(), &out, &parts, &MergeOptions::new(1), &Quiet).expect_err("refused").to_string();
         assert!(!out.join("lines/dataset.json").exists(), "{error}");
         error
     };
@@ -236,7 +238,7 @@ fn parts_that_do_not_belong_together_are_refused() {
     // The dataset as one of its parts, by another name.
     let again = ours[0].join("../part-0");
     let error =
-        syntable_runtime::run::merge(&registry(), &ours[0], &[ours[1].clone(), again], 1, &Stop::default(), &Quiet)
+        syntable_runtime::run::merge(&registry(), &ours[0], &[ours[1].clone(), again], &MergeOptions::new(1), &Quiet)
             .expect_err("named twice")
             .to_string();
     assert!(error.contains("both the output and a part") && error.contains("leave out the part"), "{error}");
@@ -244,7 +246,7 @@ fn parts_that_do_not_belong_together_are_refused() {
     // Nested folders, existing or not.
     for (out, part) in [(ours[0].join("new/merged"), &ours[0]), (ours[0].join("../part-0/x"), &ours[0])] {
         let error =
-            syntable_runtime::run::merge(&registry(), &out, std::slice::from_ref(part), 1, &Stop::default(), &Quiet)
+            syntable_runtime::run::merge(&registry(), &out, std::slice::from_ref(part), &MergeOptions::new(1), &Quiet)
                 .expect_err("nested")
                 .to_string();
         assert!(error.contains("overlap") && error.contains("beside the parts"), "{error}");
@@ -270,7 +272,7 @@ fn parts_that_do_not_belong_together_are_refused() {
     let target = ours[0].join("recipe.toml");
     let text = fs::read_to_string(&target).expect("there");
     fs::remove_file(&target).expect("there");
-    let error = syntable_runtime::run::merge(&registry(), &ours[0], &[other], 1, &Stop::default(), &Quiet)
+    let error = syntable_runtime::run::merge(&registry(), &ours[0], &[other], &MergeOptions::new(1), &Quiet)
         .expect_err("whose is it?")
         .to_string();
     assert!(error.contains("the dataset has lost its recipe.toml") && error.contains("options.repair"), "{error}");
@@ -289,7 +291,7 @@ fn parts_that_do_not_belong_together_are_refused() {
     fs::write(&file, bytes).expect("writable");
     // The scenes that were merged before stay, and the same call continues.
     let (out, whole) = (folder.path().join("merged"), folder.path().join("whole"));
-    syntable_runtime::run::merge(&registry(), &out, &ours, 1, &Stop::default(), &Quiet).expect("mended");
+    syntable_runtime::run::merge(&registry(), &out, &ours, &MergeOptions::new(1), &Quiet).expect("mended");
     run(RECIPE, &whole, 1).expect("whole");
     assert_same(&whole, &out);
 }
@@ -309,7 +311,7 @@ fn inputs_must_not_differ_between_any_two_parts() {
     draw(&parts[1], &"1".repeat(64));
     draw(&parts[2], &"2".repeat(64));
     let out = folder.path().join("merged");
-    let error = merge(&registry(), &out, &parts, 1, &Stop::default(), &Quiet).expect_err("differs").to_string();
+    let error = merge(&registry(), &out, &parts, &MergeOptions::new(1), &Quiet).expect_err("differs").to_string();
     let says = ["the asset pool/cup differed", "part-1", "part-2"];
     assert!(says.iter().all(|word| error.contains(word)) && !out.exists(), "{error}");
 }
@@ -591,7 +593,7 @@ fn forgotten_parts_are_told() {
     let out = folder.path().join("merged");
     let merged = |parts: &[PathBuf]| {
         let told = Told::default();
-        let outcome = merge(&registry(), &out, parts, 1, &Stop::default(), &told).expect("merged");
+        let outcome = merge(&registry(), &out, parts, &MergeOptions::new(1), &told).expect("merged");
         assert_eq!(outcome.missing + outcome.scenes, 9);
         told.text()
     };

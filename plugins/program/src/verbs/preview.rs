@@ -61,7 +61,7 @@ fn command() -> Command {
                 .value_parser(value_parser!(u16).range(1..=1024))
                 .help("Worker threads. Default: all cores. The images do not depend on their number"),
         )
-        .arg(flag("allow-libraries", "Load native libraries that the recipe names by a relative path"))
+        .arg(flag("allow-code", "Run code that the recipe brings: native libraries and programs"))
         .after_help(
             "Examples:
   syntable preview recipe.toml                     recipe.preview.png
@@ -90,7 +90,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
         samples: number("samples"),
         width: number("width"),
         labels: arguments.get_flag("labels"),
-        allow_libraries: arguments.get_flag("allow-libraries"),
+        allow_code: arguments.get_flag("allow-code"),
         wording: with_flags,
         out,
         serve,

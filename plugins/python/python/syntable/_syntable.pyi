@@ -114,7 +114,7 @@ class Generator:
         products: list[str],
         scenes: tuple[int, int, int] | None,
         threads: int | None,
-        allow_libraries: bool,
+        allow_code: bool,
         progress: _Progress,
     ) -> Generator: ...
     def __iter__(self) -> Generator: ...
@@ -131,7 +131,7 @@ class Scenes:
         products: list[str],
         kept: int,
         threads: int | None,
-        allow_libraries: bool,
+        allow_code: bool,
         progress: _Progress,
     ) -> Scenes: ...
     def views(self, places: list[tuple[int, int]]) -> list[Sample]: ...
@@ -170,10 +170,12 @@ def run(
     flags: list[str],
     progress: _Progress,
 ) -> dict[str, Any]: ...
-def merge(parts: list[str], out: _Path, threads: int | None, progress: _Progress) -> dict[str, Any]: ...
+def merge(
+    parts: list[str], out: _Path, threads: int | None, allow_code: bool, progress: _Progress
+) -> dict[str, Any]: ...
 def verify(dataset: _Path, threads: int | None) -> dict[str, Any]: ...
 def plan(
-    recipe: Recipe, measured: int | None, threads: int | None, allow_libraries: bool, progress: _Progress
+    recipe: Recipe, measured: int | None, threads: int | None, allow_code: bool, progress: _Progress
 ) -> dict[str, Any]: ...
 def convert(
     dataset: _Named, to: list[str], out: _Path, settings: list[str], threads: int | None, progress: _Progress
@@ -214,7 +216,7 @@ def preview(
     width: int,
     labels: bool,
     threads: int | None,
-    allow_libraries: bool,
+    allow_code: bool,
     progress: _Progress,
 ) -> tuple[npt.NDArray[np.uint8], int]: ...
 

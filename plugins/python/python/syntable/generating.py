@@ -145,7 +145,7 @@ def generate(
     *,
     scenes: range | tuple[int, int] | int | None = None,
     threads: int | None = None,
-    allow_libraries: bool = False,
+    allow_code: bool = False,
     progress: Progress = False,
 ) -> Generation:
     """Makes the views of a recipe in memory, one after the other.
@@ -159,7 +159,7 @@ def generate(
             rates and order.
         scenes: Numbers of the scenes, such as ``range(100, 200)``. Default: all scenes of the recipe.
         threads: Number of threads; samples do not depend on it. Default: all cores.
-        allow_libraries: Load native libraries that the recipe names by a relative path.
+        allow_code: Run code that the recipe brings: native libraries and programs.
         progress: Shows progress, or receives every event; see `Progress`.
 
     Raises:
@@ -172,7 +172,7 @@ def generate(
         product_names(products),
         None if made is None else (*made, 1),
         thread_count(threads),
-        bool(allow_libraries),
+        bool(allow_code),
         listener(progress),
     )
     return Generation(raw)

@@ -143,7 +143,7 @@ def plan(
     time: bool = False,
     measured: int | None = None,
     threads: int | None = None,
-    allow_libraries: bool = False,
+    allow_code: bool = False,
     progress: Progress = None,
 ) -> Plan:
     """The products and stages of a recipe, and how long its run takes.
@@ -153,7 +153,7 @@ def plan(
         time: Make the first scenes in memory, and estimate time and disk space.
         measured: Number of scenes to measure, after one that warms up. Default: as many as ten seconds allow.
         threads: Number of threads of the run. Default: all cores.
-        allow_libraries: Load native libraries that the recipe names by a relative path.
+        allow_code: Run code that the recipe brings: native libraries and programs.
         progress: Shows progress, or receives every event; see `Progress`.
 
     Raises:
@@ -164,7 +164,7 @@ def plan(
     measured = None if measured is None else whole(measured, "measured", 1, 2**32 - 1)
     scenes = (measured or 0) if time else None
     raw = as_recipe(recipe)._raw
-    found = _syntable.plan(raw, scenes, thread_count(threads), bool(allow_libraries), listener(progress))
+    found = _syntable.plan(raw, scenes, thread_count(threads), bool(allow_code), listener(progress))
     components = [
         Component(products=[PlannedProduct(**one) for one in component.pop("products")], **component)
         for component in found.pop("components")

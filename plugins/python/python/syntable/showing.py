@@ -192,7 +192,7 @@ def preview(
     width: int = 320,
     labels: bool = False,
     threads: int | None = None,
-    allow_libraries: bool = False,
+    allow_code: bool = False,
     progress: Progress = None,
 ) -> Preview:
     """Renders a few views of a few scenes quickly, on one contact sheet. A notebook shows it.
@@ -204,7 +204,7 @@ def preview(
         width: Maximum width of an image, px.
         labels: Show visible masks, amodal outlines and occluded parts beside the images.
         threads: Number of threads. Default: all cores.
-        allow_libraries: Load native libraries that the recipe names by a relative path.
+        allow_code: Run code that the recipe brings: native libraries and programs.
         progress: Shows progress, or receives every event; see `Progress`.
 
     Raises:
@@ -220,7 +220,7 @@ def preview(
         width,
         bool(labels),
         thread_count(threads),
-        bool(allow_libraries),
+        bool(allow_code),
         listener(progress),
     )
     return Preview(image, failed)

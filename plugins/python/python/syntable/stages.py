@@ -141,8 +141,8 @@ class Value:
             raise TypeError(f"a value is bool, int, float, str, dict or list, not {self.type!r}")
 
     @property
-    def _form(self) -> tuple[str, str, int | None, str]:
-        return (self.type.__name__, "", None, "")
+    def _form(self) -> dict[str, Any]:
+        return {"form": self.type.__name__}
 
     def _checked(self, value: Any, view: View) -> Any:
         return _plain(value, self.type)
@@ -174,8 +174,13 @@ class Image:
             raise ValueError(f"a meaning is one of {', '.join(_MEANINGS[1:])}, not {self.meaning!r}")
 
     @property
-    def _form(self) -> tuple[str, str, int | None, str]:
-        return ("image", self.dtype, self.channels, self.meaning)
+    def _form(self) -> dict[str, Any]:
+        return {
+            "form": "image",
+            "dtype": self.dtype,
+            "channels": self.channels,
+            "meaning": self.meaning or "data",
+        }
 
     def _checked(self, value: Any, view: View) -> Any:
         return _array(value, self.dtype, (*view.shape, *(() if self.channels is None else (self.channels,))))
@@ -201,8 +206,8 @@ class Tensor:
         object.__setattr__(self, "dtype", _dtype(self.dtype))
 
     @property
-    def _form(self) -> tuple[str, str, int | None, str]:
-        return ("tensor", self.dtype, None, "")
+    def _form(self) -> dict[str, Any]:
+        return {"form": "tensor", "dtype": self.dtype}
 
     def _checked(self, value: Any, view: View) -> Any:
         return _array(value, self.dtype, self.shape)
@@ -232,8 +237,8 @@ class PerObject:
             )
 
     @property
-    def _form(self) -> tuple[str, str, int | None, str]:
-        return (f"{self.type.__name__} per object", "", None, "")
+    def _form(self) -> dict[str, Any]:
+        return {"form": f"{self.type.__name__} per object"}
 
     def _checked(self, value: Any, view: View) -> Any:
         if not isinstance(value, Mapping):
@@ -629,12 +634,7 @@ class _Declared:
     """A product, as the library takes it."""
 
     name: str
-    doc: str
-    unit: str
-    form: str
-    dtype: str
-    channels: int | None
-    meaning: str
+    product: str
 
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*\Z")
@@ -746,7 +746,7 @@ def _function(
         return _values(products, returned, view, function)
 
     declared = [
-        _Declared(key, it.doc or f"Provided by the {what} `{kind_name}`.", it.unit, *it._form)
+        _Declared(key, json.dumps(it._form | {"doc": it.doc or f"Provided by the {what} `{kind_name}`.", "unit": it.unit}))
         for key, it in products.items()
     ]
     return _kind(kind_name, function, table, table.make), call, declared

@@ -47,7 +47,7 @@ class Views(Sequence[Sample]):
         scenes: Numbers of the scenes, such as ``range(100, 200)``. Default: all scenes of the recipe.
         threads: Number of threads; samples do not depend on it. Default: all cores.
         keep: Number of scenes to keep in memory.
-        allow_libraries: Load native libraries that the recipe names by a relative path.
+        allow_code: Run code that the recipe brings: native libraries and programs.
         progress: Shows progress, or receives every event; see `Progress`.
 
     Raises:
@@ -62,7 +62,7 @@ class Views(Sequence[Sample]):
         scenes: range | tuple[int, int] | int | None = None,
         threads: int | None = None,
         keep: int = 8,
-        allow_libraries: bool = False,
+        allow_code: bool = False,
         progress: Progress = False,
     ) -> None:
         made = as_recipe(recipe)
@@ -72,15 +72,15 @@ class Views(Sequence[Sample]):
             _scenes_of(made, scenes),
             thread_count(threads),
             whole(keep, "keep", 1),
-            bool(allow_libraries),
+            bool(allow_code),
             progress,
         )
         self._begin()
 
     def _begin(self) -> None:
-        recipe, products, (self._first, self._end), threads, keep, allow_libraries, progress = self._parts
+        recipe, products, (self._first, self._end), threads, keep, allow_code, progress = self._parts
         self._per_scene = recipe.views_per_scene
-        self._raw = _syntable.Scenes(recipe._raw, products, keep, threads, allow_libraries, listener(progress))
+        self._raw = _syntable.Scenes(recipe._raw, products, keep, threads, allow_code, listener(progress))
 
     @property
     def views_per_scene(self) -> int:
@@ -189,7 +189,7 @@ class Stream:
         world: Number of processes.
         threads: Number of threads; samples do not depend on it. Default: all cores.
         ahead: Number of samples that wait for the caller, in addition to the scenes in work.
-        allow_libraries: Load native libraries that the recipe names by a relative path.
+        allow_code: Run code that the recipe brings: native libraries and programs.
         progress: Shows progress, or receives every event; see `Progress`.
 
     Raises:
@@ -208,7 +208,7 @@ class Stream:
         world: int | None = None,
         threads: int | None = None,
         ahead: int = 4,
-        allow_libraries: bool = False,
+        allow_code: bool = False,
         progress: Progress = False,
     ) -> None:
         made = as_recipe(recipe)
@@ -226,7 +226,7 @@ class Stream:
         self._scenes = _scenes_of(made, scenes)
         self._per_scene = made.views_per_scene
         self._shard = None if rank is None or world is None else (int(rank), world)
-        self._options = (product_names(products), thread_count(threads), bool(allow_libraries), progress)
+        self._options = (product_names(products), thread_count(threads), bool(allow_code), progress)
         self._ahead = whole(ahead, "ahead", 0)
         self._next = 0
         self._turn = object()
@@ -244,9 +244,9 @@ class Stream:
         return StreamLoop(self)
 
     def _generation(self, first: int, end: int, step: int) -> Generation:
-        products, threads, allow_libraries, progress = self._options
+        products, threads, allow_code, progress = self._options
         raw = _syntable.Generator(
-            self._recipe._raw, products, (first, end, step), threads, allow_libraries, listener(progress)
+            self._recipe._raw, products, (first, end, step), threads, allow_code, listener(progress)
         )
         return Generation(raw)
 

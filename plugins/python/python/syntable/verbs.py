@@ -74,7 +74,7 @@ def run(
     retry_failed: bool = False,
     repair: bool = False,
     rewrite: bool = False,
-    allow_libraries: bool = False,
+    allow_code: bool = False,
     progress: Progress = None,
 ) -> Outcome:
     """Makes the dataset of a recipe, or continues it where it stopped. Ctrl-C keeps finished scenes.
@@ -88,7 +88,7 @@ def run(
         retry_failed: Retry scenes that failed before.
         repair: Compare all files with the journal first, and make damaged scenes again.
         rewrite: Write files of writers again whose options have changed.
-        allow_libraries: Load native libraries that the recipe names by a relative path.
+        allow_code: Run code that the recipe brings: native libraries and programs.
         progress: Shows progress, or receives every event; see `Progress`.
 
     Raises:
@@ -101,7 +101,7 @@ def run(
         "retry_failed": retry_failed,
         "repair": repair,
         "rewrite": rewrite,
-        "allow_libraries": allow_libraries,
+        "allow_code": allow_code,
     }
     found = _syntable.run(
         as_recipe(recipe)._raw,
@@ -119,6 +119,7 @@ def merge(
     out: str | os.PathLike[str],
     *,
     threads: int | None = None,
+    allow_code: bool = False,
     progress: Progress = None,
 ) -> Outcome:
     """Merges the parts of a dataset, which were made from one recipe with different ``scenes``. The result equals the
@@ -128,6 +129,7 @@ def merge(
         parts: Folders of the parts.
         out: Folder of the merged dataset, new or from an earlier call.
         threads: Number of threads. Default: all cores.
+        allow_code: Run programs that write files at the end of a run.
         progress: Shows progress, or receives every event; see `Progress`.
 
     Raises:
@@ -136,7 +138,7 @@ def merge(
     if isinstance(parts, (str, os.PathLike)):
         raise TypeError(f"parts is a list of folders, such as [{os.fspath(parts)!r}]")
     folders = [path(part, f"parts[{number}]") for number, part in enumerate(parts)]
-    found = _syntable.merge(folders, path(out, "out"), thread_count(threads), listener(progress))
+    found = _syntable.merge(folders, path(out, "out"), thread_count(threads), bool(allow_code), listener(progress))
     return Outcome(path=path(out, "out"), **found)
 
 

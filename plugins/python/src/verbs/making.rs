@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value as Json, json as object};
 use std::path::PathBuf;
-use syntable::{DiskCache, RunOptions};
+use syntable::{DiskCache, MergeOptions, RunOptions};
 use syntable_recipe::Component;
 use syntable_recipe::message::Message;
 use syntable_runtime::run::RunOutcome;
@@ -34,7 +34,7 @@ pub fn run<'py>(
         warnings.into_iter().for_each(|warning| sender.message(&Message::Diagnostic(warning)));
         let options = RunOptions {
             scenes: scenes.map(|(first, end)| first..end),
-            allow_libraries: has("allow_libraries"),
+            allow_code: has("allow_code"),
             overwrite: has("overwrite"),
             retry_failed: has("retry_failed"),
             repair: has("repair"),
@@ -62,17 +62,19 @@ fn outcome_of(py: Python<'_>, outcome: RunOutcome) -> PyResult<Bound<'_, PyDict>
 
 /// Merges the parts of a dataset.
 #[pyfunction]
-#[pyo3(signature = (parts, out, threads, progress))]
+#[pyo3(signature = (parts, out, threads, allow_code, progress))]
 pub fn merge<'py>(
     py: Python<'py>,
     parts: Vec<PathBuf>,
     out: PathBuf,
     threads: Option<usize>,
+    allow_code: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let registry = registry(py)?;
     let outcome = wait_for(py, progress.as_ref(), |sender, stop| {
-        syntable::merge(&registry, &out, &parts, threads_or_all(threads), stop, sender)
+        let options = MergeOptions { threads: threads_or_all(threads), allow_code, stop: stop.clone() };
+        syntable::merge(&registry, &out, &parts, &options, sender)
     })?;
     outcome_of(py, outcome)
 }
@@ -102,13 +104,13 @@ pub fn verify(py: Python<'_>, dataset: PathBuf, threads: Option<usize>) -> PyRes
 /// The products and stages of a recipe. With `measured`, also the time of its run: from as many scenes, or from as many as ten
 /// seconds allow if it is 0.
 #[pyfunction]
-#[pyo3(signature = (recipe, measured, threads, allow_libraries, progress))]
+#[pyo3(signature = (recipe, measured, threads, allow_code, progress))]
 pub fn plan<'py>(
     py: Python<'py>,
     recipe: &Recipe,
     measured: Option<u32>,
     threads: Option<usize>,
-    allow_libraries: bool,
+    allow_code: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let Some(measured) = measured else {
@@ -116,13 +118,13 @@ pub fn plan<'py>(
         return json(py, &of_recipe(&planned, None));
     };
     let (recipe, warnings) = recipe.load(py, &[])?;
-    recipe.ready(allow_libraries).map_err(|error| exception(py, &error))?;
+    recipe.ready(allow_code).map_err(|error| exception(py, &error))?;
     let found = wait_for(py, progress.as_ref(), |sender, stop| {
         warnings.into_iter().for_each(|warning| sender.message(&Message::Diagnostic(warning)));
         let options = ForecastOptions {
             measured: Some(measured).filter(|measured| *measured > 0),
             threads: threads_or_all(threads),
-            allow_libraries,
+            allow_code,
             cache: DiskCache::of_user(),
             stop: stop.clone(),
         };

@@ -17,7 +17,7 @@ use syntable_model::error::Error;
 
 /// Renders a contact sheet of a recipe. Returns its pixels and the number of scenes that failed.
 #[pyfunction]
-#[pyo3(signature = (recipe, scenes, samples, width, labels, threads, allow_libraries, progress))]
+#[pyo3(signature = (recipe, scenes, samples, width, labels, threads, allow_code, progress))]
 #[expect(clippy::too_many_arguments, reason = "the options of a verb")]
 pub fn preview<'py>(
     py: Python<'py>,
@@ -27,7 +27,7 @@ pub fn preview<'py>(
     width: u32,
     labels: bool,
     threads: Option<usize>,
-    allow_libraries: bool,
+    allow_code: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Bound<'py, PyArray3<u8>>, u32)> {
     // Raises the mistakes of the recipe.
@@ -40,7 +40,7 @@ pub fn preview<'py>(
         samples,
         width,
         labels,
-        allow_libraries,
+        allow_code,
         out: None,
         threads: threads_or_all(threads),
         ..PreviewOptions::new(recipe.request())

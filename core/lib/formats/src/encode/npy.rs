@@ -65,25 +65,9 @@ pub fn arrays_of_numbers(product: &str, key: &KeyId, value: &Value, size: [usize
     check(&ValueKind::of_key(key)).ok().and_then(|()| arrays(product, key, value, size).ok())
 }
 
-/// The possible element types of arrays.
-const DTYPES: [DType; 12] = [
-    DType::Bool,
-    DType::U8,
-    DType::U16,
-    DType::U32,
-    DType::U64,
-    DType::I8,
-    DType::I16,
-    DType::I32,
-    DType::I64,
-    DType::F16,
-    DType::F32,
-    DType::F64,
-];
-
 /// The element type with this NumPy descriptor.
 pub fn dtype(text: &str) -> Option<DType> {
-    DTYPES.into_iter().find(|dtype| descr(*dtype) == text)
+    DType::ALL.into_iter().find(|dtype| descr(*dtype) == text)
 }
 
 /// The NumPy descriptor of an element type.

@@ -54,7 +54,7 @@ impl<'a, 'o> CheckedRun<'a, 'o> {
             .help("name a kind, or load the recipe with `Overrides::for_run`"));
         }
         scene_range::within(options.scenes.as_ref(), recipe.dataset.scenes)?;
-        recipe.ready(options.allow_libraries)?;
+        recipe.ready(options.allow_code)?;
         recipe.fits()?;
         let devices = inputs::devices(recipe)?;
         let files = recipe.file_digests()?;

@@ -42,7 +42,7 @@ fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &dyn R
     let (ahead, first) = (layout::first_scene(), options.scenes.as_ref().map_or(0, |scenes| scenes.start));
     let aside = RunOptions {
         scenes: Some(first..first + 1),
-        allow_libraries: options.allow_libraries,
+        allow_code: options.allow_code,
         stop: options.stop.clone(),
         ..RunOptions::new(folder.files().inner(&ahead), options.threads, options.cache.clone())
     };

@@ -1,11 +1,10 @@
 //! NumPy archives: all arrays of a view in one file.
 
 mod read;
-mod record;
 mod write;
 
-use record::IDS;
 use syntable_formats::include::Included;
+use syntable_formats::npz_archive::IDS;
 use syntable_formats::writer::ProductWriter;
 use syntable_model::prelude::*;
 

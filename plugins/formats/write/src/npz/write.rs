@@ -1,11 +1,11 @@
 //! Writes NumPy archives.
 
 use super::Npz;
-use super::record::{ARCHIVE, IDS};
 use syntable_formats::encode::kind::accepts;
 use syntable_formats::encode::npy::Array;
 use syntable_formats::encode::npz;
 use syntable_formats::include::{self, Included, IncludedProducts};
+use syntable_formats::npz_archive::{ARCHIVE, IDS};
 use syntable_formats::record_arrays::{self, NamedArrays};
 use syntable_formats::writer::ProductWriter;
 use syntable_model::prelude::*;

@@ -31,8 +31,8 @@ pub struct Wishes {
     pub labels: bool,
     /// Whether a page shows the views with all labels that the recipe can provide.
     pub page: bool,
-    /// Whether to load native libraries that the recipe names by a relative path.
-    pub allow_libraries: bool,
+    /// Whether to run code that the recipe brings: native libraries and programs.
+    pub allow_code: bool,
     /// Wording of messages on the sheet and the page.
     pub wording: Wording,
 }
@@ -88,7 +88,7 @@ impl Wishes {
         }
         if let Ok((recipe, _)) = &loaded.recipe {
             recipe.files.iter().for_each(|(_, path)| loaded.files.add(path, since));
-            if let Err(error) = recipe.trusted(self.allow_libraries) {
+            if let Err(error) = recipe.trusted(self.allow_code) {
                 loaded.recipe = Err(vec![Message::Error(error)]);
             }
         }

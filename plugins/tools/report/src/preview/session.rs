@@ -38,8 +38,8 @@ pub struct PreviewOptions {
     pub width: u32,
     /// Whether visible masks and amodal outlines are shown next to the images.
     pub labels: bool,
-    /// Whether to load native libraries that the recipe names by a relative path.
-    pub allow_libraries: bool,
+    /// Whether to run code that the recipe brings: native libraries and programs.
+    pub allow_code: bool,
     /// Wording of messages on the sheet and the page. A command line prints flags for options.
     pub wording: Wording,
     /// PNG file of the sheet; `None` writes no file.
@@ -57,8 +57,8 @@ impl PreviewOptions {
         let out = Some(Self::default_out(recipe.recipe.as_deref()));
         let (scenes, serve, threads) = (None, None, syntable_runtime::workers::available());
         let wording: Wording = |text| Cow::Borrowed(text);
-        let (labels, allow_libraries) = (false, false);
-        Self { recipe, scenes, samples: 4, width: 320, labels, allow_libraries, wording, out, serve, threads }
+        let (labels, allow_code) = (false, false);
+        Self { recipe, scenes, samples: 4, width: 320, labels, allow_code, wording, out, serve, threads }
     }
 
     /// Default file of a recipe's sheet: named after the recipe, in the current folder.
@@ -81,7 +81,7 @@ impl<'a> Preview<'a> {
     /// # Errors
     /// If the file of the sheet exists and is not a sheet, or threads or the port are unavailable.
     pub fn new(registry: &'a Registry, options: PreviewOptions, reporter: &'a dyn Reporter) -> Result<Self> {
-        let PreviewOptions { recipe, scenes, samples, width, labels, allow_libraries, wording, out, serve, threads } =
+        let PreviewOptions { recipe, scenes, samples, width, labels, allow_code, wording, out, serve, threads } =
             options;
         if let Some(out) = &out
             && std::fs::read(out).is_ok_and(|there| !there.is_empty() && !sheet::is_png(&there))
@@ -89,7 +89,7 @@ impl<'a> Preview<'a> {
             let error = Error::new("the output file exists and is not a preview sheet").in_file(out);
             return Err(error.help("choose another file with `options.out`, or remove this one").of_request());
         }
-        let wishes = Wishes { recipe, samples, labels, page: serve.is_some(), allow_libraries, wording };
+        let wishes = Wishes { recipe, samples, labels, page: serve.is_some(), allow_code, wording };
         let studio = PreviewStudio::new(reporter, registry, (wishes, scenes, width), threads)?;
         let page = serve.map(Server::bind).transpose()?.map(|server| (server, PreviewPage::default()));
         Ok(Self { studio, out, page })

@@ -262,7 +262,7 @@ impl<'a> PreviewStudio<'a> {
         let Ok((recipe, _)) = recipe else { return Ok(false) };
         let info = recipe.dataset_info();
         self.previewer.set(recipe).map_err(PassError::Recipe)?;
-        let wanted = Wanted { products, width: u32::MAX, allow_libraries: self.wishes.allow_libraries };
+        let wanted = Wanted { products, width: u32::MAX, allow_code: self.wishes.allow_code };
         let mut pass = self.previewer.pass(&wanted, said, &log, stop).map_err(PassError::Recipe)?;
         let key = pass.key(scene, view);
         let mut cell = self.images.all.get(&key).map(|image| Ok(Arc::clone(image)));
@@ -299,11 +299,7 @@ impl<'a> PreviewStudio<'a> {
         show: &mut dyn FnMut(&News) -> Result<()>,
     ) -> std::result::Result<DrawnImages, PassError> {
         let log = Warnings(said);
-        let wanted = Wanted {
-            products: views.products.clone(),
-            width: self.width,
-            allow_libraries: self.wishes.allow_libraries,
-        };
+        let wanted = Wanted { products: views.products.clone(), width: self.width, allow_code: self.wishes.allow_code };
         let mut pass = self.previewer.pass(&wanted, said, &log, stop).map_err(PassError::Recipe)?;
         self.told = None;
         let keys: Vec<Digest> = views.all().map(|(scene, view)| pass.key(scene, view)).collect();
