@@ -25,7 +25,7 @@ pub struct DeclaredProduct {
     /// Unit of its numbers, such as `m`.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub unit: String,
-    /// What it means, in a sentence.
+    /// Its meaning, in a sentence.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub doc: String,
 }

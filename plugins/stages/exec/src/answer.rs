@@ -62,11 +62,11 @@ impl Answer {
         self.record.take()
     }
 
-    /// Refuses arrays where none are expected.
+    /// Refuses arrays.
     pub fn check_empty(&self, message: &str) -> Result<()> {
         match self.names.first() {
             None => Ok(()),
-            Some(name) => Err(self.refuse(format!("the answer to `{message}` has an array `{name}`, and has none"))),
+            Some(name) => Err(self.refuse(format!("the answer to `{message}` must have no arrays, and has `{name}`"))),
         }
     }
 

@@ -1,7 +1,7 @@
 //! Annotators and writers in programs of any language.
 //!
 //! A recipe names a program. SynTable starts it, sends it messages through its standard input, and reads its answers from its
-//! standard output. What it prints to standard error appears in errors.
+//! standard output. Errors show its last lines of standard error.
 //!
 //! | module | holds |
 //! | --- | --- |

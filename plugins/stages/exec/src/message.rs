@@ -19,7 +19,7 @@ pub const WARNINGS: &str = "syntable_warnings";
 /// Array of the answer of a writer: a text that it gets at the end.
 pub const RECORD: &str = "syntable_record";
 
-/// A message in the making.
+/// A message that is composed.
 pub struct Message(Vec<(String, Array)>);
 
 impl Message {
@@ -128,7 +128,7 @@ pub fn read(output: &mut impl Read) -> Result<Vec<u8>, Unread> {
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             Err(_) => return Err(Unread::Ended),
         }
-        // Text that was printed by mistake may be shorter than the start of an answer, and no more may follow.
+        // Text that was printed by mistake may be shorter than the start of an answer.
         let seen = filled.min(START.len());
         if start[..seen] != START[..seen] {
             return Err(Unread::Wrong(unlike(&start[..filled])));

@@ -80,7 +80,7 @@ impl Process {
     /// The archive of the answer to a message. After a failure, the process must be dropped.
     ///
     /// # Errors
-    /// That there is no answer. Unwinds if the run was asked to stop.
+    /// The reason for a missing answer. Unwinds if the run was asked to stop.
     pub fn ask(&mut self, message: Arc<Vec<u8>>, within: Duration, workers: &dyn Workers) -> Result<Vec<u8>, Failure> {
         let start = Instant::now();
         // If the process has ended, so has its output.

@@ -201,7 +201,7 @@ impl Processes {
         let message = |what: &str| Error::new(format!("{what} cannot be started: {}", text(error)));
         match self.program.interpreter.first() {
             Some(interpreter) => message(&format!("the interpreter `{interpreter}`"))
-                .help("install it, or name another one in `program.interpreter`"),
+                .help("install it, or change `program.interpreter`"),
             None => message("the program").help(
                 "make it executable with a first line such as `#!/usr/bin/env python3`, or set `program.interpreter = [\"python3\"]`",
             ),

@@ -251,7 +251,7 @@ fn a_program_that_hangs_is_killed() {
     let child = std::fs::read_to_string(script.at("child")).expect("started");
     let is_there = || {
         let status = std::fs::read_to_string(format!("/proc/{}/stat", child.trim()));
-        // A process that nobody has waited for is a zombie.
+        // A process that has ended and was not waited for is a zombie.
         status.is_ok_and(|status| !status.contains(") Z "))
     };
     while cfg!(target_os = "linux") && is_there() {
