@@ -1,12 +1,12 @@
 """Synthetic datasets for unseen-object amodal instance segmentation.
 
-    import syntable as st
+import syntable as st
 
-    recipe = st.recipe("quickstart").set("dataset.scenes", 3)
-    st.run(recipe, "data/first")                     # a dataset in files
-    for sample in st.generate(recipe):               # or the same in memory
-        sample.rgb, sample.amodal_masks, sample.occlusion_order, sample.camera.K
-    dataset = st.open("data/first")                  # and every other format that is read
+recipe = st.recipe("quickstart").set("dataset.scenes", 3)
+st.run(recipe, "data/first")                     # a dataset in files
+for sample in st.generate(recipe):               # or the same in memory
+    sample.rgb, sample.amodal_masks, sample.occlusion_order, sample.camera.K
+dataset = st.open("data/first")                  # and every other format that is read
 """
 
 from __future__ import annotations

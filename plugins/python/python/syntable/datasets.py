@@ -153,5 +153,3 @@ def named(dataset: Dataset | str | os.PathLike[str]) -> tuple[str, str | None, s
     if isinstance(dataset, (str, os.PathLike)):
         return (os.fspath(dataset), None, None, False)
     raise TypeError(f"a dataset is a Dataset or a path, not {dataset!r}")
-
-

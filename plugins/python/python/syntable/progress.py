@@ -115,5 +115,3 @@ class _Line:
         text += f"  {self.step}" if self.step else ""
         sys.stderr.write("\r" + text[:79].ljust(79))
         sys.stderr.flush()
-
-

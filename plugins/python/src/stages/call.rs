@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use syntable_model::error::{Error, Result};
 
 /// The Python module that explains exceptions.
-const STAGES: &str = "syntable.stages";
+const STAGES: &str = "syntable.stages._calls";
 
 /// The calls of this moment.
 struct Calls {
