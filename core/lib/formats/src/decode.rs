@@ -181,6 +181,7 @@ impl FileContent {
         }
         let ([width, height], samples) = self.png()?;
         match samples {
+            DecodedSamples::Eight(samples, 3) => Ok(Plane::from_vec(width, height, samples.as_chunks().0.to_vec())),
             DecodedSamples::Eight(samples, channels) => {
                 let color = |pixel: &[u8]| if channels < 3 { [pixel[0]; 3] } else { [pixel[0], pixel[1], pixel[2]] };
                 Ok(Plane::from_vec(width, height, samples.chunks_exact(channels).map(color).collect()))
@@ -238,14 +239,20 @@ impl FileContent {
     /// Depth in meters from a gray PNG file whose step is `unit_mm`; infinite where it is 0. A depth is the smallest
     /// depth that is stored as this number of steps, whether the writer truncates or rounds.
     pub fn depth(&self, unit_mm: f64) -> Result<Plane<f32>> {
-        let meters = |&steps: &u16| {
-            if steps == 0 {
-                return f32::INFINITY;
-            }
+        let meters = |steps: u16| {
             let depth = (f64::from(steps) * unit_mm / 1000.0) as f32;
             if f64::from(depth) * 1000.0 / unit_mm < f64::from(steps) { depth.next_up() } else { depth }
         };
-        Ok(self.gray()?.map(meters))
+        // Many pixels have the same number of steps, and two divisions cost more than a look into a table.
+        let mut known = vec![f32::NAN; 1 << 16];
+        known[0] = f32::INFINITY;
+        Ok(self.gray()?.map(|&steps| {
+            let depth = &mut known[usize::from(steps)];
+            if depth.is_nan() {
+                *depth = meters(steps);
+            }
+            *depth
+        }))
     }
 
     fn unlike(&self, expected: &str, found: &str) -> Error {
