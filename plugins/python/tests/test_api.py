@@ -139,7 +139,9 @@ def test_errors_name_arguments_of_functions(data, small):
     assert "options." not in f"{caught.value} {caught.value.message} {caught.value.help}"
 
 
-def test_images_need_nothing(dataset):
+def test_images_need_nothing(dataset, tmp_path):
     sample = dataset[0]
     assert sample._repr_png_().startswith(b"\x89PNG")
+    sample.save(tmp_path / "sample.png")
+    assert (tmp_path / "sample.png").read_bytes() == sample._repr_png_()
     assert "quickstart" in repr(st.recipe("quickstart")) and "<pre>" in small_recipe()._repr_html_()

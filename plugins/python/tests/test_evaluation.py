@@ -107,6 +107,17 @@ def test_the_labels_themselves_are_perfect(dataset):
     assert st.evaluate(dataset, [{"masks": []}] * len(dataset)).predictions == 0
 
 
+def test_scores_by_image_average_to_the_scores(dataset, predictions):
+    found = st.evaluate(dataset, predictions)
+    assert list(found.by_image) == [sample.name for sample in dataset]
+    of_images = list(found.by_image.values())
+    assert [of["predictions"] for of in of_images] == [int((one["scores"] >= 0.5).sum()) for one in predictions]
+    assert np.mean([of["visible_overlap_f"] for of in of_images]) == pytest.approx(found.visible_f, abs=1e-6)
+    first, *others = predictions
+    alone = st.evaluate(dataset, {0: first}).by_image
+    assert alone[dataset[0].name] == of_images[0] and alone[dataset[1].name]["visible_overlap_f"] == 0
+
+
 def test_ap_is_that_of_pycocotools(dataset, predictions):
     coco = pytest.importorskip("pycocotools.coco")
     from pycocotools.cocoeval import COCOeval

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -131,6 +133,15 @@ class Evaluation:
     def order_accuracy(self) -> float | None:
         """ACC_OO: share of the correct entries of the occlusion order."""
         return self.scores.get("acc_oo")
+
+    @property
+    def by_image(self) -> dict[str, dict[str, float | None]]:
+        """Scores of each image by its name, in the order of the dataset, with the numbers of its ``objects`` and
+        ``predictions``."""
+        return {
+            line.pop("image"): {name: float(value) if value else None for name, value in line.items()}
+            for line in csv.DictReader(io.StringIO(self.csv))
+        }
 
     def __getitem__(self, name: str) -> float | None:
         """A score by its name.

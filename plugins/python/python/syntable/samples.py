@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -277,6 +278,19 @@ class Sample:
         """Reads products of a dataset now, in one pass over its files. Returns the sample."""
         self._raw.read(list(products))
         return self
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes a PNG file that shows the image beside its labels, as a notebook does: visible parts filled, hidden
+        parts striped, outlines of the amodal masks.
+
+        Raises:
+            SyntableError: If a product cannot be read.
+            OSError: If the file cannot be written.
+        """
+        from .drawing import png, sheet
+
+        with open(path, "wb") as file:
+            file.write(png(sheet(self)))
 
     def __repr__(self) -> str:
         return f"Sample({self.name}: {', '.join(self.products)})"
