@@ -36,50 +36,36 @@ fn is_data(meaning: &Semantic) -> bool {
 
 /// Form of a [`DeclaredProduct`], under its name in Python.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[expect(missing_docs, reason = "each name says its form, and recipes list names alone")]
 pub enum DeclaredForm {
-    /// A truth value.
     #[serde(rename = "bool")]
     Bool,
-    /// An integer.
     #[serde(rename = "int")]
     Int,
-    /// A number.
     #[serde(rename = "float")]
     Float,
-    /// Text.
     #[serde(rename = "str")]
     Text,
-    /// Named fields.
     #[serde(rename = "dict")]
     Record,
-    /// A list.
     #[serde(rename = "list")]
     List,
-    /// A truth value of each object.
     #[serde(rename = "bool per object")]
     BoolPerObject,
-    /// An integer of each object.
     #[serde(rename = "int per object")]
     IntPerObject,
-    /// A number of each object.
     #[serde(rename = "float per object")]
     FloatPerObject,
-    /// A text of each object.
     #[serde(rename = "str per object")]
     TextPerObject,
-    /// Named fields of each object.
     #[serde(rename = "dict per object")]
     RecordPerObject,
-    /// A list of each object.
     #[serde(rename = "list per object")]
     ListPerObject,
-    /// A mask of each object.
     #[serde(rename = "Mask per object")]
     MaskPerObject,
-    /// Numbers of each pixel.
     #[serde(rename = "image")]
     Image,
-    /// An array that is not an image.
     #[serde(rename = "tensor")]
     Tensor,
 }

@@ -3,7 +3,7 @@
 use super::{BBox, Mask};
 use crate::scene::InstanceId;
 use half::f16;
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::ser::{SerializeMap, SerializeSeq};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -132,7 +132,7 @@ impl Serialize for Value {
 }
 
 /// Element type of a tensor, by its name in NumPy.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DType {
     /// Boolean, one byte.
     #[serde(rename = "bool")]
@@ -220,6 +220,15 @@ impl DType {
     /// Whether elements are floating-point numbers.
     pub fn is_float(self) -> bool {
         matches!(self, Self::F16 | Self::F32 | Self::F64)
+    }
+}
+
+impl JsonSchema for DType {
+    fn schema_name() -> Cow<'static, str> {
+        "DType".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "string", "enum": Self::ALL.map(Self::numpy) })
     }
 }
 

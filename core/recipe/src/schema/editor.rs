@@ -166,8 +166,12 @@ impl Editor<'_> {
     }
 
     fn name_products(&self, schema: &mut Map<String, Json>) {
-        let mut any_of = self.products.to_vec();
-        any_of.push(true.into());
+        let any_of = if schema.contains_key("default") {
+            // An option with its own words. The list of the names is long, and stands only once.
+            vec![json!({ "$ref": "#/definitions/ProductName" })]
+        } else {
+            self.products.iter().cloned().chain([true.into()]).collect()
+        };
         schema.insert("anyOf".into(), any_of.into());
         schema.insert("items".into(), json!({ "$ref": "#/definitions/ProductName" }));
     }

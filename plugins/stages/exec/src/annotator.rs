@@ -36,10 +36,7 @@ impl Config for ExecAnnotator {
     const KIND: &'static str = "exec";
     const EXAMPLE: &'static str = r#"reads = ["rgb", "visible_mask"]
 program = { file = "${PROGRAMS}/darkness.py", interpreter = ["python3"] }
-
-[annotate.exec.provides.darkness]
-form = "float per object"
-doc = "Share of dark pixels.""#;
+provides.darkness = { form = "float per object", doc = "Share of dark pixels." }"#;
 
     fn build(self) -> Result<Box<dyn ImageAnnotator>, ConfigError> {
         let names = || self.provides.keys().map(String::as_str);
