@@ -351,7 +351,8 @@ impl<'s> Reference<'s> {
         };
         let example = format!("{header}\n{}", entry.example.trim());
         let _ = write!(section, "\n### Example\n\n```toml\n{}\n```\n", example.trim());
-        if entry.slot == Slot::Write {
+        // The files of `exec` come from a program, and a machine may lack its tools.
+        if entry.slot == Slot::Write && entry.kind != "exec" {
             section += "\n### Sample output\n\nThe files of the example below for a scene with two objects and one view of 64 × 48 \
                         pixels. “…” marks omissions.\n\n";
             section += &samples::of(&example);
