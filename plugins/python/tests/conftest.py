@@ -23,9 +23,7 @@ def small_recipe(**more) -> st.Recipe:
         "denoise.kind": "none",
         **more,
     }
-    for key, value in settings.items():
-        recipe = recipe.set(key, value)
-    return recipe
+    return recipe.set(settings)
 
 
 @pytest.fixture(scope="session")

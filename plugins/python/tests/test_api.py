@@ -37,6 +37,8 @@ def test_a_recipe_is_the_same_from_file_text_and_dicts(tmp_path):
     assert (made.scenes, made.views_per_scene) == (7, st.recipe("quickstart").views_per_scene)
     changed = made.set("dataset.scenes", np.int64(3))
     assert (changed.scenes, made.scenes) == (3, 7), "a recipe never changes"
+    several = {"dataset.scenes": 3, "camera.resolution": [32, 24]}
+    assert str(made.set(several)) == str(changed.set("camera.resolution", [32, 24]))
     assert str(pickle.loads(pickle.dumps(changed))) == str(changed)
     assert "quickstart" in st.recipes()
 
@@ -114,14 +116,14 @@ def test_a_dataset_reads_by_place_and_converts(dataset, tmp_path):
 
 def test_validate_is_sound_and_names_faults(dataset, data, tmp_path):
     found = st.validate(dataset)
-    assert found.sound and found.images == 6 and found.checks
+    assert found and found.sound and found.images == 6 and found.checks
     import shutil
 
     broken = tmp_path / "broken"
     shutil.copytree(data, broken)
     next(broken.rglob("rgb/0_0.png")).unlink()
     found = st.validate(broken)
-    assert not found.sound and any("0_0" in fault.place + fault.message for fault in found.faults)
+    assert not found and not found.sound and any("0_0" in fault.place + fault.message for fault in found.faults)
 
 
 def test_a_run_continues_and_repairs(data, small, tmp_path):

@@ -57,6 +57,7 @@ CALLS = [
     (lambda s, d, t: st.Recipe.from_toml("[dataset\n").check(), st.RecipeError, "dataset"),
     (lambda s, d, t: s.set(3, 4), TypeError, "key"),
     (lambda s, d, t: s.set("dataset.scenes", {1, 2}), TypeError, "dataset.scenes"),
+    (lambda s, d, t: s.set("dataset.scenes"), TypeError, "a key and a value"),
     (lambda s, d, t: s.set("dataset.scens", 3).check(), st.RecipeError, "scens"),
     (lambda s, d, t: str(s.set("render.kind", "fast")), st.RecipeError, "fast"),
     (lambda s, d, t: st.run(s, t, threads=0), ValueError, "threads"),

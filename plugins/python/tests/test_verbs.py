@@ -58,7 +58,7 @@ def test_parts_merge_into_the_whole(small, data, tmp_path):
 
 
 def test_verify_finds_what_changed(data, tmp_path):
-    assert st.verify(data).whole
+    assert st.verify(data) and st.verify(data).whole
     broken = tmp_path / "broken"
     shutil.copytree(data, broken)
     image = next(broken.rglob("rgb/1_0.png"))
@@ -66,7 +66,7 @@ def test_verify_finds_what_changed(data, tmp_path):
     next(broken.rglob("rgb/2_1.png")).unlink()
     (broken / "mine.txt").write_text("a note")
     found = st.verify(broken)
-    assert not found.whole and found.bad_scenes == [1, 2]
+    assert not found and not found.whole and found.bad_scenes == [1, 2]
     assert len(found.damaged) == len(found.missing) == 1 and found.foreign == ["mine.txt"]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, overload
 
 from . import _arguments, _syntable, _toml
 from .errors import Diagnostic
@@ -55,19 +55,34 @@ class Recipe:
         """A recipe from TOML text. Relative paths start from the current folder."""
         return cls._of(_syntable.Recipe.of_text(name, text))
 
-    def set(self, key: str, value: Any) -> Recipe:
-        """The same recipe with a key set.
+    @overload
+    def set(self, key: str, value: Any, /) -> Recipe: ...
+    @overload
+    def set(self, keys: Mapping[str, Any], /) -> Recipe: ...
+    def set(self, key: str | Mapping[str, Any], *value: Any) -> Recipe:
+        """The same recipe with a key set, or with several: ``set("dataset.scenes", 3)``, ``set({"dataset.scenes": 3})``.
 
         Args:
-            key: Path of the key, such as ``dataset.scenes`` or ``place[2].count``.
+            key: Path of the key, such as ``dataset.scenes`` or ``place[2].count``; or a dict from keys to values.
             value: A Python value; dicts become tables.
 
         Raises:
-            TypeError: If the value has no form in TOML.
+            TypeError: If a value has no form in TOML.
         """
-        if not isinstance(key, str):
-            raise TypeError(f"the key is text, such as 'dataset.scenes', not {key!r}")
-        return self._of(self._raw.with_change(key, _toml.value(value, key)))
+        if isinstance(key, Mapping):
+            if value:
+                raise TypeError("set takes a key and a value, or a dict of them")
+            changes = dict(key)
+        elif len(value) == 1:
+            changes = {key: value[0]}
+        else:
+            raise TypeError(f"set takes a key and a value, or a dict of them: set({key!r}, value)")
+        raw = self._raw
+        for name, one in changes.items():
+            if not isinstance(name, str):
+                raise TypeError(f"the key is text, such as 'dataset.scenes', not {name!r}")
+            raw = raw.with_change(name, _toml.value(one, name))
+        return self._of(raw)
 
     def check(self) -> list[Diagnostic]:
         """Finds every mistake, without running anything.

@@ -59,6 +59,9 @@ class Outcome:
         """Whether the dataset is whole and usable: the command would end with exit code 0."""
         return not (self.failed or self.missing or self.lacking or self.useless or self.left_out)
 
+    def __bool__(self) -> bool:
+        return self.complete
+
     def open(self) -> Dataset:
         """Opens the dataset."""
         return Dataset(self.path)
@@ -174,6 +177,9 @@ class Verification:
     bad_scenes: list[int]
     unfinished: bool
 
+    def __bool__(self) -> bool:
+        return self.whole
+
 
 def verify(dataset: Dataset | str | os.PathLike[str], *, threads: int | None = None) -> Verification:
     """Compares the files of a dataset of `run` with its journal, without changing it.
@@ -279,6 +285,9 @@ class Validation:
     def sound(self) -> bool:
         """Whether no check found a fault."""
         return not self.faults
+
+    def __bool__(self) -> bool:
+        return self.sound
 
 
 def validate(
