@@ -22,7 +22,7 @@ const SCHEMAS: [&str; 10] =
     ["items", "additionalProperties", "propertyNames", "if", "then", "else", "not", "anyOf", "oneOf", "allOf"];
 
 /// Replaces references into definitions by the parts that they point to, and then equal parts by references to a
-/// definition. Numbers name the new definitions, in the order of their first use.
+/// definition. Numbers of base 36 name the new definitions, in the order of their first use.
 pub fn share(schema: &mut Json) {
     let definitions = schema["definitions"].clone();
     resolve_pointers(schema, &definitions);
@@ -72,8 +72,16 @@ fn count(schema: &mut Json, uses: &mut HashMap<String, usize>) {
     });
 }
 
+/// The number from 1 in digits and letters: most references are a letter shorter than with digits alone.
 fn name(index: usize) -> String {
-    (index + 1).to_string()
+    const BASE: usize = 36;
+    let (mut rest, mut name) = (index + 1, String::new());
+    while rest > 0 {
+        let digit = char::from_digit((rest % BASE) as u32, BASE as u32).expect("below the base");
+        name.insert(0, digit);
+        rest /= BASE;
+    }
+    name
 }
 
 struct Sharing {
@@ -121,7 +129,7 @@ mod tests {
     fn expanded(schema: &mut Json, definitions: &Json) {
         for_each_part(schema, &mut |part| {
             let name = part["$ref"].as_str().and_then(|target| target.strip_prefix(DEFINITIONS)).map(str::to_owned);
-            if let Some(name) = name.filter(|name| name.parse::<usize>().is_ok()) {
+            if let Some(name) = name.filter(|name| name.len() <= 2) {
                 *part = definitions[name].clone();
             }
             expanded(part, definitions);

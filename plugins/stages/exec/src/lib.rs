@@ -5,8 +5,7 @@
 //!
 //! | module | holds |
 //! | --- | --- |
-//! | [`annotator`] | the annotator `exec` |
-//! | [`writer`] | the writer `exec` |
+//! | [`exec`] | the annotator and the writer `exec` |
 //! | `program` | the options of a program, and its processes |
 //! | `process` | one running process |
 //! | `message` | messages and answers: NumPy archives with a length |
@@ -15,9 +14,8 @@
 //! The book's chapter [Programs as stages](https://github.com/syntable/syntable/blob/main/book/src/programs.md) describes the
 //! messages.
 
-pub mod annotator;
 mod answer;
+pub mod exec;
 mod message;
 mod process;
 mod program;
-pub mod writer;

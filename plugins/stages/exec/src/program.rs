@@ -19,8 +19,7 @@ pub struct Program {
     /// The program, or the script that the interpreter runs.
     #[schemars(extend("x-syntable-ref" = "program"))]
     pub file: AssetPath,
-    /// The interpreter of the script with its arguments, such as `["python3"]`, found like a command in a shell. Without it, the
-    /// file is started itself.
+    /// The interpreter of a script with its arguments, such as `["python3"]`. Without it, the file itself is started.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub interpreter: Vec<String>,
     /// Arguments after the file.
@@ -41,7 +40,7 @@ pub struct Program {
     #[serde(default = "a_minute")]
     #[schemars(range(min = 0.1, max = 86400.0))]
     pub answer_s: f64,
-    /// How often a view is tried again, in a new process, after a process ended or gave no answer in time.
+    /// Number of new attempts at a view after a process ended or gave no answer in time.
     #[serde(default = "one")]
     #[schemars(range(max = 100))]
     pub restarts: u32,
