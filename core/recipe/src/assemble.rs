@@ -2,6 +2,7 @@
 
 use crate::component::{Component, table};
 use crate::one_of::OneOf;
+use crate::own_code::OwnCode;
 use crate::plan::of_tables::plan;
 use crate::plan::{Implied, Plan};
 use crate::recipe::Recipe;
@@ -127,7 +128,7 @@ struct Shared {
     files: Vec<(String, PathBuf)>,
     choices: Vec<String>,
     undecided: Vec<String>,
-    code: Vec<(Slot, String)>,
+    code: Vec<OwnCode>,
 }
 
 /// The kind and the options of a stage.

@@ -26,6 +26,7 @@ mod component;
 mod load;
 mod merge;
 mod one_of;
+mod own_code;
 mod parts;
 pub mod plan;
 mod recipe;
@@ -41,6 +42,7 @@ pub use component::{Component, components_of, pool_name, pool_table, split_key, 
 pub use load::{Checked, checked, load};
 pub use merge::overrides::Overrides;
 pub use one_of::{Chosen, OneOf};
+pub use own_code::OwnCode;
 pub use parts::Parts;
 pub use recipe::Recipe;
 pub use request::RecipeRequest;

@@ -2,6 +2,7 @@
 
 use crate::component::Component;
 use crate::one_of::{Chosen, OneOf};
+use crate::own_code::OwnCode;
 use crate::plan::memory;
 use crate::resolved::without_lock;
 use crate::tables::alternatives::MIXTURE;
@@ -45,9 +46,8 @@ pub struct Recipe {
     pub choices: Vec<String>,
     /// Tables whose kind represents others and has not chosen one yet. Such a recipe can be planned, but not run.
     pub undecided: Vec<String>,
-    /// Code by the author of the recipe: native libraries that it names by a path next to itself, and programs. Each has the slot of its stage
-    /// and its option, such as `library = "oidn.so"`.
-    pub code: Vec<(Slot, String)>,
+    /// Code by the author of the recipe.
+    pub code: Vec<OwnCode>,
 }
 
 impl Recipe {
@@ -68,16 +68,20 @@ impl Recipe {
         self.refuse_code(allow_code, |_| true)
     }
 
-    /// The same for the code of the stages of a slot.
+    /// Like [`trusted`](Self::trusted), for the code of one slot.
     pub fn trusted_of(&self, slot: Slot, allow_code: bool) -> Result<()> {
         self.refuse_code(allow_code, |of| of == slot)
     }
 
     fn refuse_code(&self, allow_code: bool, runs: impl Fn(Slot) -> bool) -> Result<()> {
-        let code = self.code.iter().find(|(slot, _)| runs(*slot) && !allow_code);
-        let Some((slot, option)) = code else { return Ok(()) };
-        let error = Error::new(format!("the recipe brings code of its own: {slot}: {option}"));
-        Err(error.help("the code runs with your permissions: allow it with `options.allow_code` if you trust it"))
+        let code: Vec<&str> =
+            self.code.iter().filter(|code| runs(code.slot) && !allow_code).map(|code| &*code.shown).collect();
+        if code.is_empty() {
+            return Ok(());
+        }
+        let error = Error::new(format!("the recipe brings code of its own: {}", code.join("; ")));
+        let help = "code runs with your permissions: allow it with `options.allow_code` if you trust it; for a library, you can also name your own with ${NAME} or `options.set`";
+        Err(error.help(help))
     }
 
     /// Refuses images that do not fit in this machine's memory. If the camera does not state the size of its images,

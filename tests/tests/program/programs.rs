@@ -12,12 +12,32 @@ fn has(command: &str, arguments: &[&str]) -> bool {
     Command::new(command).args(arguments).output().is_ok_and(|output| output.status.success())
 }
 
-/// A recipe with an annotator in Python and a writer in a shell.
+/// A writer of one file, with a line for each view.
+const INDEX: &str = r#"
+import io, json, struct, sys
+import numpy as np
+
+while len(start := sys.stdin.buffer.read(8)) == 8:
+    message = np.load(io.BytesIO(sys.stdin.buffer.read(struct.unpack("<4sI", start)[1])))
+    arrays = {"syntable_number": message["syntable_number"]}
+    if message["syntable_message"] == "view":
+        arrays["syntable_record"] = f"{message['syntable_scene']} {message['syntable_view']} {message['syntable_seed']}"
+    if message["syntable_message"] == "finish":
+        lines = json.loads(bytes(message["syntable_records"])) + [f"{len(message['syntable_scenes'])} scenes"]
+        arrays["index.txt"] = np.frombuffer("\n".join(lines).encode(), np.uint8)
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    sys.stdout.buffer.write(struct.pack("<4sI", b"SYN1", file.tell()) + file.getvalue())
+    sys.stdout.buffer.flush()
+"#;
+
+/// A recipe with an annotator in Python, a writer in a shell, and a writer of a file for the whole dataset.
 fn recipe(folder: &Path) -> std::path::PathBuf {
     let examples = root().join("plugins/stages/exec/examples");
     for name in ["darkness.py", "ppm.sh"] {
         fs::copy(examples.join(name), folder.join(name)).expect("copied");
     }
+    fs::write(folder.join("index.py"), INDEX).expect("writable");
     let text = format!(
         r#"extends = "builtin:quickstart"
 [dataset]
@@ -41,6 +61,11 @@ include = ["rgb", "visible_mask", "darkness"]
 kind = "exec"
 include = ["rgb"]
 program = {{ file = "ppm.sh" }}
+[write.index]
+kind = "exec"
+include = ["camera"]
+finish = true
+program = {{ file = "index.py", interpreter = ["python3"] }}
 "#
     );
     let file = folder.join("recipe.toml");
@@ -64,7 +89,9 @@ fn programs_annotate_and_write() {
     // `check` starts no program, and a run starts it only with consent.
     ok(syntable().arg("check").arg(&recipe));
     let refused = fails(&mut run(&out, &[]), 2);
-    assert!(refused.contains("file = \"darkness.py\"") && refused.contains("--allow-code"), "{refused}");
+    for shown in ["file = \"darkness.py\"", "interpreter = [\"python3\"]", "write.images.program = ", "--allow-code"] {
+        assert!(refused.contains(shown), "{refused}");
+    }
     ok(&mut run(&out, &["--allow-code"]));
 
     let mut images = 0;
@@ -95,6 +122,11 @@ fn programs_annotate_and_write() {
         assert_eq!(ppm, [b"P6\n64 48\n255\n".as_slice(), &rgb.bytes].concat());
     }
     assert!(images > 1);
+    let index = fs::read_to_string(out.join("index.txt")).expect("the file of the end");
+    let places: Vec<String> = index.lines().map(|line| line.split(' ').take(2).collect::<Vec<_>>().join(" ")).collect();
+    assert_eq!(places.last().map(String::as_str), Some("2 scenes"));
+    assert_eq!(places.len(), images + 1);
+    assert!(places.is_sorted(), "{index}");
 
     // Parts are merged to the same files; the end of a run is the program's, too.
     let parts = ["0..1", "1..2"].map(|scenes| (scenes, folder.path().join(format!("part-{}", &scenes[..1]))));
@@ -109,4 +141,13 @@ fn programs_annotate_and_write() {
     assert!(fails(&mut merge(&[]), 2).contains("--allow-code"));
     ok(&mut merge(&["--allow-code"]));
     assert_same(&folder.path().join("merged"), &out);
+
+    // Another program would make other files: neither a run nor a merge continues with it.
+    let program = folder.path().join("index.py");
+    fs::write(&program, format!("{INDEX}# changed")).expect("writable");
+    let changed = fails(&mut run(&out, &["--allow-code"]), 2);
+    assert!(changed.contains("write.index.program.file") || changed.contains("index.py"), "{changed}");
+    fs::remove_dir_all(folder.path().join("merged")).expect("removable");
+    let changed = fails(&mut merge(&["--allow-code"]), 2);
+    assert!(changed.contains("index.py"), "{changed}");
 }

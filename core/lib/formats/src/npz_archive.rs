@@ -2,6 +2,7 @@
 
 use crate::decode::{self, FileContent};
 use crate::samples;
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek};
@@ -10,7 +11,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::limits::{ARCHIVE_MEMBERS, MEMBER_BYTES};
 use syntable_model::panics::guarded;
 use syntable_model::scene::InstanceId;
-use zip::ZipArchive;
+use zip::{CompressionMethod, ZipArchive};
 
 /// Extension of an archive.
 pub const ARCHIVE: &str = "npz";
@@ -60,6 +61,27 @@ impl<R: Read + Seek> NpzArchive<R> {
         let names = self.zip.file_names().flatten();
         let names = names.filter_map(|name| name.strip_suffix(ARRAY_END).map(str::to_owned));
         names.filter(|name| name != IDS).collect()
+    }
+
+    /// Names of members that are neither arrays nor folders.
+    pub fn others(&self) -> Vec<String> {
+        let name =
+            |index| self.zip.name_for_index(index).and_then(Result::ok).map_or_else(|| "?".to_owned(), Cow::into_owned);
+        let is_other = |name: &String| !name.ends_with(ARRAY_END) && !name.ends_with('/');
+        (0..self.zip.len()).map(name).filter(is_other).collect()
+    }
+
+    /// Whether no array is compressed, so that the arrays together are smaller than the archive.
+    pub fn is_stored(&mut self) -> Result<bool> {
+        for index in 0..self.zip.len() {
+            let member = self.zip.by_index_raw(index);
+            let member =
+                member.map_err(|error| Error::new(format!("the archive is damaged: {error}")).in_file(&self.path))?;
+            if member.compression() != CompressionMethod::Stored {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// The ids of the instances along the first axes; none if the archive has no array of ids.

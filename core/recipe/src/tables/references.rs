@@ -100,9 +100,9 @@ pub(crate) struct StageReferences {
     pub object_pools: BTreeSet<String>,
     /// Paths by their option.
     pub paths: Vec<(Vec<Step>, variables::Resolved)>,
-    /// Code that the recipe brings, each as `library = "oidn.so"`: native libraries that a file of the recipe names by a path next
-    /// to itself, and all programs, whose arguments may be code, too.
-    pub code: Vec<String>,
+    /// Options with code that the recipe brings: native libraries that a file of the recipe names by a path next to itself, and all
+    /// programs, whose arguments may be code, too.
+    pub code: Vec<Vec<Step>>,
     /// Whether a path does not exist. The stage is built nevertheless.
     pub absent: bool,
     /// Options with a name that is refused.
@@ -166,10 +166,10 @@ impl Loader<'_, '_> {
                 ReferenceKind::Library => {
                     let typed = self.sources.file_of(&reference.span).is_none_or(|file| file.name() == SET);
                     if !typed && !reference.text.starts_with("${") && Path::new(&reference.text).is_relative() {
-                        found.code.push(of_option(&reference));
+                        found.code.push(reference.path);
                     }
                 }
-                ReferenceKind::Program => found.code.push(of_option(&reference)),
+                ReferenceKind::Program => found.code.push(reference.path),
                 ReferenceKind::Product => match self.renamed.product(&reference.text, &reference.span) {
                     Some((diagnostic, new)) => {
                         diagnostics.push(diagnostic);
@@ -330,11 +330,6 @@ impl Loader<'_, '_> {
     }
 }
 
-/// An option with its text, such as `library = "oidn.so"`.
-fn of_option(reference: &Reference) -> String {
-    format!("{} = {:?}", DisplayPath(&reference.path), reference.text)
-}
-
 fn default_of(kind: &str, reference: &Reference) -> String {
     format!("`{kind}` has it as the default of `{}`", DisplayPath(&reference.path))
 }
@@ -355,7 +350,7 @@ pub(crate) fn recipe_at_mut<'t, 'a>(table: &'t mut DeTable<'a>, path: &[Step]) -
     })
 }
 
-fn at<'t>(table: &'t toml::Table, path: &[Step]) -> Option<&'t toml::Value> {
+pub(crate) fn at<'t>(table: &'t toml::Table, path: &[Step]) -> Option<&'t toml::Value> {
     let [Step::Key(first), rest @ ..] = path else { return None };
     rest.iter().try_fold(table.get(first)?, |value, step| match step {
         Step::Key(key) => value.get(key),

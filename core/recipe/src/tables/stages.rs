@@ -1,6 +1,7 @@
 //! Builds stages from the tables of a recipe.
 
 use crate::merge::variables;
+use crate::own_code::OwnCode;
 use crate::schema::kinds::KindSchema;
 use crate::tables::alternatives::{ONE_OF, has_alternatives};
 use crate::tables::check;
@@ -8,7 +9,7 @@ use crate::tables::conditions::ViewOptions;
 use crate::tables::loader::Loader;
 use crate::tables::old_names::rename;
 use crate::tables::pool::PoolOptions;
-use crate::tables::references::{Draw, PoolNames, StageReferences, at_mut};
+use crate::tables::references::{Draw, PoolNames, StageReferences, at, at_mut};
 use crate::tables::refusals::SharedOptions;
 use crate::tables::slot_tables::StageTable;
 use crate::text::code::Code;
@@ -64,8 +65,8 @@ pub(crate) struct Built<'r> {
     pub files: Vec<(String, PathBuf)>,
     /// Which pools the stages draw from.
     pub draws: Vec<Draw>,
-    /// Code that the recipe brings; see [`Recipe::code`](crate::recipe::Recipe::code).
-    pub code: Vec<(Slot, String)>,
+    /// Code that the recipe brings.
+    pub code: Vec<OwnCode>,
     /// Kinds that were chosen, for users.
     pub choices: Vec<String>,
     /// Tables whose kind was not chosen yet.
@@ -81,6 +82,23 @@ impl Built<'_> {
             SharedOptions::Pool(pool) => drop(self.pools.insert(id.to_owned(), *pool)),
             SharedOptions::Views(views) => self.views = views,
             SharedOptions::None => {}
+        }
+    }
+
+    /// Keeps the code that the options of a stage bring: a library, or a program with all that it is called with.
+    fn add_code(&mut self, given: &StageTable, code: &[Vec<Step>], options: &toml::Table) {
+        for path in code {
+            let whole = match path.split_last() {
+                Some((_, above)) if !above.is_empty() => above,
+                _ => path,
+            };
+            let value = at(options, whole).map_or_else(String::new, toml::Value::to_string);
+            let name = |path| format!("{}.{}", given.name(), DisplayPath(path));
+            self.code.push(OwnCode {
+                slot: given.slot,
+                option: name(path),
+                shown: format!("{} = {value}", name(whole)),
+            });
         }
     }
 
@@ -149,7 +167,6 @@ impl<'r> Loader<'_, 'r> {
             checked.references.iter().map(|reference| (reference.path.clone(), reference.text.clone())).collect();
         let mut references = self.references(checked.references, &mut given, names, diagnostics);
         let slot = given.slot;
-        built.code.extend(std::mem::take(&mut references.code).into_iter().map(|code| (slot, code)));
         let ok = valid && references.wrong.is_empty();
         let constructed = if ok {
             self.construct(entry, &given, diagnostics)
@@ -169,6 +186,7 @@ impl<'r> Loader<'_, 'r> {
         built.draws.extend(self.draws(&given, entry, &options, &kind.options));
         self.add_defaults((entry, kind), &options, &in_recipe, &given.header, (&mut references, names));
         built.add_paths(&given, &references.paths, &mut options);
+        built.add_code(&given, &references.code, &options);
         let StageReferences { products, supports, object_pools, absent, .. } = references;
         let (id, header, stage) = (given.id, given.header, Some(stage.of_scenes()));
         let found = !absent;

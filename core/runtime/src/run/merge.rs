@@ -294,12 +294,19 @@ fn catalog_paths(part: &Folder) -> Result<Vec<(String, DatasetPath)>> {
     pools.map(|pool| catalog_path(part.files(), &pool).map(|path| (pool, path))).collect()
 }
 
+/// Whether an option names the program of a writer, which may run at the end.
+fn is_writers_code(recipe: &Recipe, option: &str) -> bool {
+    recipe.code.iter().any(|code| code.slot == Slot::Write && code.option == option)
+}
+
 /// Refuses changed files that the end of a run reads, and writers with unmet needs. Files that only scenes read may be
 /// elsewhere.
 fn ready(recipe: &Recipe) -> Result<()> {
     let then = lock_of(&recipe.resolved).files;
-    let (of_end, of_scenes): (Vec<_>, Vec<_>) =
-        recipe.files.iter().partition(|(option, _)| growth::only_finish(recipe, option));
+    let (of_end, of_scenes): (Vec<_>, Vec<_>) = recipe
+        .files
+        .iter()
+        .partition(|(option, _)| growth::only_finish(recipe, option) || is_writers_code(recipe, option));
     for (option, path) in of_end {
         let help =
             "relative paths count from the current folder: merge in the folder of the recipe that made the parts";

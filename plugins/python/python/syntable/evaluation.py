@@ -138,10 +138,11 @@ class Evaluation:
     def by_image(self) -> dict[str, dict[str, float | None]]:
         """Scores of each image by its name, in the order of the dataset, with the numbers of its ``objects`` and
         ``predictions``."""
-        return {
-            line.pop("image"): {name: float(value) if value else None for name, value in line.items()}
-            for line in csv.DictReader(io.StringIO(self.csv))
-        }
+        found = {}
+        for line in csv.DictReader(io.StringIO(self.csv)):
+            name = line.pop("image")
+            found[name] = {score: float(value) if value else None for score, value in line.items()}
+        return found
 
     def __getitem__(self, name: str) -> float | None:
         """A score by its name.

@@ -57,7 +57,8 @@ class Outcome:
     @property
     def complete(self) -> bool:
         """Whether the dataset is whole and usable: the command would end with exit code 0."""
-        return not (self.failed or self.missing or self.lacking or self.useless or self.left_out)
+        losses = (self.failed, self.missing, self.lacking, self.useless, self.bad_assets, self.left_out)
+        return not any(losses)
 
     def __bool__(self) -> bool:
         return self.complete

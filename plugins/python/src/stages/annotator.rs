@@ -84,7 +84,7 @@ impl Annotator {
 
     /// Seed of the random numbers for a view.
     fn seed(&self, cx: &ImageContext) -> u64 {
-        let stream = Stream::root(cx.dataset.seed).child(&self.stage);
+        let stream = Stream::root(cx.dataset.seed).child(&cx.dataset.name).child(&self.stage);
         stream.at(cx.scene_id.0.into()).at(cx.view_id.0.into()).seed()
     }
 

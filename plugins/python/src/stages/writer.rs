@@ -104,7 +104,7 @@ struct PythonSceneWriter {
 impl SceneWriter for PythonSceneWriter {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         cx.workers.check_stop();
-        let stream = Stream::root(cx.dataset.seed).child(&self.stage);
+        let stream = Stream::root(cx.dataset.seed).child(&cx.dataset.name).child(&self.stage);
         let seed = stream.at(cx.scene_id.0.into()).at(cx.view_id.0.into()).seed();
         with_python(|py| {
             let view = Sample::lent(cx.scene_id, cx.view_id, products.clone());

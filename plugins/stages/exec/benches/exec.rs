@@ -74,7 +74,7 @@ fn of_ids(bencher: Bencher) {
     let text = format!(
         "{start}    ids = view[\"visible_ids\"].ravel()\n    count = np.bincount(ids, minlength=21)[1:21]\n    \
          found = np.bincount(ids, weights=dark.ravel(), minlength=21)[1:21]\n    \
-         answer(darkness=found / np.maximum(count, 1), ids=np.array(range(1, 21), dtype=np.uint16))\n"
+         answer(view, darkness=found / np.maximum(count, 1), ids=np.array(range(1, 21), dtype=np.uint16))\n"
     );
     let file = folder.path().join("darkness.py");
     std::fs::write(&file, text).expect("writable");

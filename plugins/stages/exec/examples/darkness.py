@@ -19,17 +19,18 @@ def receive():
     return np.load(io.BytesIO(sys.stdin.buffer.read(length)))
 
 
-def answer(**arrays):
-    """Answers a message with arrays."""
+def answer(message, **arrays):
+    """Answers a message with arrays, and repeats its number."""
     file = io.BytesIO()
-    np.savez(file, **arrays)
+    np.savez(file, syntable_number=message["syntable_number"], **arrays)
     sys.stdout.buffer.write(struct.pack("<4sI", b"SYN1", file.tell()) + file.getvalue())
     sys.stdout.buffer.flush()
 
 
-options = json.loads(str(receive()["syntable_options"]))
-answer()
+start = receive()
+options = json.loads(str(start["syntable_options"]))
+answer(start)
 while (view := receive()) is not None:
     dark = view["rgb"].mean(axis=-1) < 255 * options["threshold"]
     shares = [dark[mask].mean() if mask.any() else 0.0 for mask in view["visible_mask"]]
-    answer(darkness=np.array(shares, dtype=np.float64))
+    answer(view, darkness=np.array(shares, dtype=np.float64))

@@ -1,5 +1,5 @@
 #!/bin/sh
-# A writer in a shell: each image as a PPM file. Needs dd, head, od and tail of GNU, unzip and zip.
+# A writer in a shell: each image as a PPM file. Needs head, od and tail of GNU, unzip and zip.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
@@ -25,18 +25,18 @@ array_of_bytes() {
     cat bytes
 }
 
-# Answers with an archive.
+# Answers with the number of the message, and with the files of arrays that are named.
 answer() {
-    length=$(wc -c < "$1")
+    rm -f answer.npz
+    unzip -q -o message.npz syntable_number.npy
+    zip -q -0 answer.npz syntable_number.npy "$@"
+    length=$(wc -c < answer.npz)
     printf SYN1
     for shift in 0 8 16 24; do
         printf "\\$(printf %03o $(((length >> shift) & 255)))"
     done
-    cat "$1"
+    cat answer.npz
 }
-
-# An archive without arrays.
-printf 'PK\005\006\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0' > empty.npz
 
 mkdir ppm
 while receive; do
@@ -45,10 +45,9 @@ while receive; do
         set -- $(elements syntable_size | od -An -tu8)
         path=ppm/$(printf %06d $(elements syntable_scene | od -An -tu8))_$(printf %04d $(elements syntable_view | od -An -tu8)).ppm
         { printf 'P6\n%d %d\n255\n' "$2" "$1"; elements rgb; } | array_of_bytes > "$path.npy"
-        rm -f answer.npz
-        zip -q -0 answer.npz "$path.npy"
-        answer answer.npz
+        answer "$path.npy"
+        rm "$path.npy"
         ;;
-    *) answer empty.npz ;;
+    *) answer ;;
     esac
 done

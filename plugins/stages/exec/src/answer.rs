@@ -1,6 +1,6 @@
 //! Products and files from answers.
 
-use crate::message::{ERROR, RECORD, RESERVED, WARNINGS};
+use crate::message::{ERROR, NUMBER, RECORD, RESERVED, WARNINGS};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Cursor;
 use std::path::Path;
@@ -19,17 +19,27 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// Opens an answer of a program.
+    /// Opens the answer of a program to the message of a number.
     ///
     /// # Errors
-    /// If it is no archive, or has an error.
-    pub fn new(bytes: Vec<u8>, program: &Path, log: &dyn Log) -> Result<Self> {
+    /// If it is no archive of arrays, answers another message, or has an error.
+    pub fn new(bytes: Vec<u8>, number: u64, program: &Path, log: &dyn Log) -> Result<Self> {
         let place = format!("the answer of {}", program.display());
         let archive = NpzArchive::of_bytes(bytes, Path::new(&place))?;
         let names = archive.names();
         let mut answer = Self { archive, names: BTreeSet::new(), record: None };
-        for name in names {
+        if let Some(other) = answer.archive.others().first() {
+            let help = "the name of every member ends with .npy; the rest of the name is the array's";
+            return Err(answer.refuse(format!("the archive has a member `{other}`, which is no array")).help(help));
+        }
+        if !answer.archive.is_stored()? {
+            return Err(answer.refuse("the archive is compressed").help("write it with `np.savez` or `zip -0`"));
+        }
+        answer.check_number(number, names.contains(NUMBER))?;
+        // With an error, warnings are shown, too.
+        for name in names.into_iter().rev() {
             match name.as_str() {
+                NUMBER => {}
                 ERROR => return Err(Error::new(answer.texts(ERROR)?.join("\n")).in_file(program)),
                 WARNINGS => {
                     answer.texts(WARNINGS)?.iter().for_each(|text| log.warn(&Error::new(text).in_file(program)))
@@ -43,6 +53,25 @@ impl Answer {
             }
         }
         Ok(answer)
+    }
+
+    /// Refuses the answer to another message: a program that answers twice would shift all later answers.
+    fn check_number(&mut self, number: u64, has_number: bool) -> Result<()> {
+        let help = "an answer repeats the array `syntable_number` of its message, and a message has one answer";
+        if !has_number {
+            return Err(self.refuse(format!("the answer has no array `{NUMBER}`")).help(help));
+        }
+        let found = match self.archive.array(NUMBER)?.npy_array()? {
+            NpyArray::Numbers(tensor) if tensor.shape.iter().product::<usize>() == 1 => tensor.element(0),
+            _ => Value::Null,
+        };
+        let is_same = match found {
+            Value::Uint(found) => found == number,
+            Value::Int(found) => u64::try_from(found) == Ok(number),
+            _ => false,
+        };
+        let message = || self.refuse(format!("it answers another message: `{NUMBER}` is not {number}")).help(help);
+        if is_same { Ok(()) } else { Err(message()) }
     }
 
     fn refuse(&self, what: impl Into<String>) -> Error {
@@ -90,7 +119,7 @@ impl Answer {
         }
         let ids = own.or(known);
         for key in provides {
-            let value = self.value(key, ids.as_deref(), size);
+            let value = self.value(key, provides, ids.as_deref(), size);
             let value = value.map_err(|error| error.context(format!("product `{key}`")))?;
             let ids = ids.as_deref().unwrap_or_default();
             let put = products.put_stored(*key, Stored { value: &value, ids, missing: f64::NAN });
@@ -107,7 +136,7 @@ impl Answer {
     }
 
     /// The value of a product, whose arrays are removed.
-    fn value(&mut self, key: &KeyId, ids: Option<&[InstanceId]>, size: [u32; 2]) -> Result<Value> {
+    fn value(&mut self, key: &KeyId, provides: &[KeyId], ids: Option<&[InstanceId]>, size: [u32; 2]) -> Result<Value> {
         let name = key.to_string();
         let form = key.form();
         let is_per_instance = matches!(form, Form::PerInstance(_));
@@ -120,7 +149,11 @@ impl Answer {
             None => &[],
         };
         if let Form::Record | Form::Records = form.of_one() {
-            let of_record = |array: &String| array.strip_prefix(&name).is_some_and(|rest| rest.starts_with('_'));
+            let is_of = |array: &str, name: &str| array.strip_prefix(name).is_some_and(|rest| rest.starts_with('_'));
+            // `note_count` may be a field of `note`, or another product.
+            let longer = provides.iter().map(KeyId::to_string).filter(|other| is_of(other, &name)).collect::<Vec<_>>();
+            let is_others = |array: &str| longer.iter().any(|other| array == other || is_of(array, other));
+            let of_record = |array: &String| is_of(array, &name) && !is_others(array);
             let names: Vec<String> = self.names.iter().filter(|array| of_record(array)).cloned().collect();
             if names.is_empty() && !(is_per_instance && objects.is_empty()) {
                 return Err(self.refuse(format!("a {form} has an array `{name}_{{field}}` per field")));
@@ -136,7 +169,7 @@ impl Answer {
                 let is_list = *form.of_one() == Form::List;
                 let texts = match self.take(&name)? {
                     NpyArray::Texts(texts, shape) if shape == first.into_iter().collect::<Vec<_>>() => texts,
-                    array => return Err(self.unlike(&array, "text", first, &[])),
+                    array => return Err(self.unlike(&array, "text", first, Some(&[]))),
                 };
                 let value = |text: String| match is_list {
                     false => Ok(Value::Text(text)),
@@ -159,8 +192,8 @@ impl Answer {
                     }
                     Form::Tensor(dtype) => (dtype.numpy(), None),
                     Form::Bool => ("bool", Some(Vec::new())),
-                    Form::Int => ("an integer type", Some(Vec::new())),
-                    _ => ("a type of numbers", Some(Vec::new())),
+                    Form::Int => ("integers", Some(Vec::new())),
+                    _ => ("numbers", Some(Vec::new())),
                 };
                 let array = self.take(&name)?;
                 let is_whole = |tensor: &Tensor| {
@@ -169,7 +202,7 @@ impl Answer {
                 };
                 let tensor = match array {
                     NpyArray::Numbers(tensor) if is_whole(&tensor) => tensor,
-                    array => return Err(self.unlike(&array, dtype, first, shape.as_deref().unwrap_or_default())),
+                    array => return Err(self.unlike(&array, dtype, first, shape.as_deref())),
                 };
                 if is_per_instance {
                     let ids = objects.iter().flat_map(|id| id.0.to_le_bytes()).collect();
@@ -196,18 +229,15 @@ impl Answer {
         self.archive.array(name)?.npy_array()
     }
 
-    fn unlike(&self, array: &NpyArray, dtype: &str, first: Option<usize>, shape: &[usize]) -> Error {
-        let (found, lengths) = match array {
-            NpyArray::Texts(_, shape) => ("text", shape),
-            NpyArray::Numbers(tensor) => (tensor.dtype.numpy(), &tensor.shape),
+    fn unlike(&self, array: &NpyArray, dtype: &str, first: Option<usize>, shape: Option<&[usize]>) -> Error {
+        let (found, lengths) = type_of(array);
+        let expected = match shape {
+            Some(shape) => Shape(&first.into_iter().chain(shape.iter().copied()).collect::<Vec<_>>()).to_string(),
+            None => "any length".to_owned(),
         };
-        let expected: Vec<usize> = first.into_iter().chain(shape.iter().copied()).collect();
         let objects = first.map_or(String::new(), |count| format!(", of {count} objects"));
-        self.refuse(format!(
-            "it is {found} of shape {}; {dtype} of shape {} is expected{objects}",
-            Shape(lengths),
-            Shape(&expected)
-        ))
+        let found = format!("it is {found} of shape {}", Shape(lengths));
+        self.refuse(format!("{found}; {dtype} of shape {expected} is expected{objects}"))
     }
 
     /// Files by their paths.
@@ -215,6 +245,9 @@ impl Answer {
     /// # Errors
     /// If an array is not one axis of bytes.
     pub fn files(mut self) -> Result<Vec<(String, Vec<u8>)>> {
+        if self.archive.ids()?.is_some() {
+            return Err(self.refuse(format!("`{IDS}` is no path for a file")).help("name the file otherwise"));
+        }
         let mut files = Vec::new();
         for name in std::mem::take(&mut self.names) {
             match self.archive.array(&name)?.npy_array()? {
@@ -222,15 +255,23 @@ impl Answer {
                     files.push((name, tensor.bytes));
                 }
                 array => {
-                    let error = self.unlike(&array, "uint8", None, &[]).message().to_owned();
+                    let (found, lengths) = type_of(&array);
+                    let message =
+                        format!("file `{name}` is {found} of shape {}, not one axis of uint8", Shape(lengths));
                     let help = "a file is an array of its bytes, such as `np.frombuffer(data, np.uint8)`";
-                    return Err(self
-                        .refuse(format!("file `{name}`: {}", error.replace("shape ()", "one axis")))
-                        .help(help));
+                    return Err(self.refuse(message).help(help));
                 }
             }
         }
         Ok(files)
+    }
+}
+
+/// NumPy's name of the type of an array, and its lengths.
+fn type_of(array: &NpyArray) -> (&'static str, &[usize]) {
+    match array {
+        NpyArray::Texts(_, shape) => ("text", shape),
+        NpyArray::Numbers(tensor) => (tensor.dtype.numpy(), &tensor.shape),
     }
 }
 

@@ -10,12 +10,14 @@ use syntable_model::prelude::*;
 
 /// First letters of a message, with the version.
 pub const START: [u8; 4] = *b"SYN1";
-/// Start of the names of arrays that are no products.
+/// Prefix of the names of arrays that messages reserve.
 pub const RESERVED: &str = "syntable_";
 /// Array of an answer that ends the run: a text.
 pub const ERROR: &str = "syntable_error";
 /// Array of an answer: texts that become warnings.
 pub const WARNINGS: &str = "syntable_warnings";
+/// Array of an answer: the number of the message.
+pub const NUMBER: &str = "syntable_number";
 /// Array of the answer of a writer: a text that it gets at the end.
 pub const RECORD: &str = "syntable_record";
 
@@ -26,6 +28,11 @@ impl Message {
     /// A message of a kind: `start`, `view` or `finish`.
     pub fn new(kind: &str) -> Self {
         Self(Vec::new()).text("message", kind)
+    }
+
+    /// Adds its number, which its answer repeats.
+    pub fn numbered(self, number: u64) -> Self {
+        self.integers("number", &[number], false)
     }
 
     /// Adds an array that is no product.
@@ -42,6 +49,11 @@ impl Message {
     /// Adds a list of texts.
     pub fn texts<'t>(self, name: &str, texts: impl IntoIterator<Item = &'t str>) -> Self {
         self.with(name, Array::texts(&texts.into_iter().collect::<Vec<_>>()))
+    }
+
+    /// Adds bytes.
+    pub fn bytes(self, name: &str, bytes: Vec<u8>) -> Self {
+        self.with(name, Array { descr: "|u1".into(), shape: vec![bytes.len()], bytes })
     }
 
     /// Adds integers without a sign, along one axis, or as a single number.
@@ -97,8 +109,8 @@ impl Message {
     pub fn encode(&self) -> Result<Vec<u8>> {
         let archive = npz::encode(self.0.iter().map(|(name, array)| (name.as_str(), array)), false)?;
         let length = u32::try_from(archive.len()).map_err(|_| {
-            Error::new(format!("the products of a view have {} bytes, more than a message holds", archive.len()))
-                .help("read fewer products, or compact ones: visible_ids and amodal_bits instead of masks")
+            Error::new(format!("a message has {} bytes, more than 4 GiB", archive.len()))
+                .help("read fewer products, or compact ones: visible_ids and amodal_bits instead of masks; keep shorter records")
         })?;
         let mut bytes = Vec::with_capacity(START.len() + size_of::<u32>() + archive.len());
         bytes.extend_from_slice(&START);
@@ -138,10 +150,7 @@ pub fn read(output: &mut impl Read) -> Result<Vec<u8>, Unread> {
     if filled < start.len() {
         return Err(Unread::Ended);
     }
-    if u64::from(length) > MEMBER_BYTES.most {
-        let message = format!("its answer has {length} bytes, and {} are the most", MEMBER_BYTES.most);
-        return Err(Unread::Wrong(Error::new(message)));
-    }
+    MEMBER_BYTES.check(length.into()).map_err(|error| Unread::Wrong(error.context("its answer")))?;
     let mut archive = Vec::new();
     match output.take(length.into()).read_to_end(&mut archive) {
         Ok(read) if read == length as usize => Ok(archive),

@@ -7,16 +7,16 @@ use std::fmt;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 use syntable_model::context::Workers;
 use syntable_model::error::Error;
 
-/// How often a process that works is interrupted to look whether the run was asked to stop.
+/// Interval between checks for a stop, while a process works.
 const POLL: Duration = Duration::from_millis(50);
 /// Time for a process to end after its output ended, and for its last words.
-const END: Duration = Duration::from_millis(500);
+pub const END: Duration = Duration::from_millis(500);
 /// Lines of standard error that errors show.
 const LAST_LINES: usize = 12;
 /// Most bytes of such a line.
@@ -30,6 +30,8 @@ pub struct Process {
     answers: Receiver<Result<Vec<u8>, Unread>>,
     last_lines: Arc<Mutex<VecDeque<String>>>,
     errors_ended: Receiver<()>,
+    /// Whether it ended after the end of its messages.
+    has_ended: bool,
 }
 
 /// Why a process gave no answer.
@@ -56,7 +58,8 @@ impl Process {
         let stderr = child.stderr.take().ok_or_else(missing)?;
         let (input, messages) = channel();
         thread::spawn(move || write_all(stdin, &messages));
-        let (answered, answers) = channel();
+        // One answer waits at most: a program that prints more is not read further.
+        let (answered, answers) = sync_channel(1);
         thread::spawn(move || {
             let mut output = BufReader::new(stdout);
             loop {
@@ -74,7 +77,7 @@ impl Process {
             keep_last_lines(BufReader::new(stderr), &lines);
             drop(ended);
         });
-        Ok(Self { child, input: Some(input), answers, last_lines, errors_ended })
+        Ok(Self { child, input: Some(input), answers, last_lines, errors_ended, has_ended: false })
     }
 
     /// The archive of the answer to a message. After a failure, the process must be dropped.
@@ -96,7 +99,8 @@ impl Process {
                 }
                 Err(RecvTimeoutError::Timeout) if left.is_zero() => {
                     let message = format!("it gave no answer within {} s", within.as_secs_f64());
-                    return Err(Failure::Broken(self.with_last_lines(Error::new(message))));
+                    let help = "allow more time in `program.answer_s` or `program.start_s`";
+                    return Err(Failure::Broken(self.with_last_lines(Error::new(message).help(help))));
                 }
                 Err(RecvTimeoutError::Timeout) => {}
             }
@@ -108,9 +112,9 @@ impl Process {
         self.input = None;
     }
 
-    /// Gives it a moment to end itself.
-    pub fn wait(mut self) {
-        self.status(END);
+    /// Gives it until a moment to end itself.
+    pub fn wait(mut self, until: Instant) {
+        self.has_ended = self.status(until.saturating_duration_since(Instant::now())).is_some();
     }
 
     /// How it ended, if it ends within a time.
@@ -151,6 +155,9 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
+        if self.has_ended {
+            return;
+        }
         // Programs that it started, too: an interpreter behind a shell, for one.
         #[cfg(unix)]
         if let Some(group) = i32::try_from(self.child.id()).ok().and_then(rustix::process::Pid::from_raw) {

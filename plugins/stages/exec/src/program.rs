@@ -2,12 +2,13 @@
 
 use crate::answer::Answer;
 use crate::message::{self, Message};
-use crate::process::{Failure, Process};
+use crate::process::{END, Failure, Process};
 use parking_lot::{Condvar, Mutex};
 use std::path::PathBuf;
 use std::process::Command;
 use std::sync::Arc;
-use std::time::Duration;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 
@@ -54,6 +55,9 @@ fn a_minute() -> f64 {
     60.0
 }
 
+/// Number of the first message of a process.
+const START_NUMBER: u64 = 0;
+
 /// The processes of a program.
 pub struct Processes {
     program: Program,
@@ -61,6 +65,8 @@ pub struct Processes {
     greeting: Arc<Vec<u8>>,
     state: Mutex<State>,
     freed: Condvar,
+    /// Number of the last message.
+    last: AtomicU64,
 }
 
 #[derive(Default)]
@@ -76,7 +82,8 @@ impl Drop for Processes {
         // All of them at once, since each may take its time.
         let mut idle = std::mem::take(&mut self.state.get_mut().idle);
         idle.iter_mut().for_each(Process::close);
-        idle.into_iter().for_each(Process::wait);
+        let until = Instant::now() + END;
+        idle.into_iter().for_each(|process| process.wait(until));
     }
 }
 
@@ -99,38 +106,50 @@ impl Processes {
         let names = |names: &[String]| names.to_vec();
         let (reads, provides) = (names(reads), names(provides));
         let greeting = Message::new("start")
+            .numbered(START_NUMBER)
             .text("options", &serde_json::Value::from(program.options.clone()).to_string())
             .texts("reads", reads.iter().map(String::as_str))
             .texts("provides", provides.iter().map(String::as_str))
             .encode()?;
-        Ok(Self { program, greeting: Arc::new(greeting), state: Mutex::default(), freed: Condvar::new() })
+        Ok(Self {
+            program,
+            greeting: Arc::new(greeting),
+            state: Mutex::default(),
+            freed: Condvar::new(),
+            last: AtomicU64::new(START_NUMBER),
+        })
     }
 
     /// The answer to a message. Unwinds if the run was asked to stop.
     ///
     /// # Errors
     /// That no process answered, or the error in the answer.
-    pub fn ask(&self, message: &Message, workers: &dyn Workers, log: &dyn Log) -> Result<Answer> {
-        let message = Arc::new(message.encode()?);
+    pub fn ask(&self, message: Message, workers: &dyn Workers, log: &dyn Log) -> Result<Answer> {
         let named = |error: Error| error.in_file(self.program.file.path());
-        let permit = self.permit(workers);
+        let number = 1 + self.last.fetch_add(1, Ordering::Relaxed);
+        let _permit = self.permit(workers);
+        // Only messages that are about to be sent are held in memory.
+        let message = Arc::new(message.numbered(number).encode()?);
         let mut restarts = 0;
         loop {
-            match self.attempt(&message, workers, log) {
+            let idle = if restarts == 0 { self.state.lock().idle.pop() } else { None };
+            let process = idle.map_or_else(|| self.start(workers, log), Ok);
+            let asked = process.and_then(|mut process| {
+                let answer = process.ask(Arc::clone(&message), seconds(self.program.answer_s), workers)?;
+                Ok((process, answer))
+            });
+            match asked {
                 Ok((process, archive)) => {
+                    // A process that answers wrongly gets no further message.
+                    let answer = Answer::new(archive, number, self.program.file.path(), log)?;
                     self.state.lock().idle.push(process);
-                    drop(permit);
-                    return Answer::new(archive, self.program.file.path(), log);
+                    return Ok(answer);
                 }
                 Err(Failure::Broken(error)) if restarts < self.program.restarts => {
                     restarts += 1;
                     log.warn(&named(error).help("a new process tries the view again"));
                 }
-                Err(Failure::Broken(error)) => {
-                    let help = "more time: `program.answer_s` and `program.start_s`; more attempts: `program.restarts`";
-                    return Err(named(error).help(help));
-                }
-                Err(Failure::Wrong(error)) => return Err(named(error)),
+                Err(Failure::Broken(error) | Failure::Wrong(error)) => return Err(named(error)),
             }
         }
     }
@@ -141,26 +160,11 @@ impl Processes {
         let mut state = self.state.lock();
         while state.busy >= self.program.processes {
             self.freed.wait_for(&mut state, POLL);
-            // Unwinds without the lock: other threads may use the processes again.
+            // Unlocked, because `check_stop` may unwind.
             parking_lot::MutexGuard::unlocked(&mut state, || workers.check_stop());
         }
         state.busy += 1;
         Permit(self)
-    }
-
-    fn attempt(
-        &self,
-        message: &Arc<Vec<u8>>,
-        workers: &dyn Workers,
-        log: &dyn Log,
-    ) -> Result<(Process, Vec<u8>), Failure> {
-        let idle = self.state.lock().idle.pop();
-        let mut process = match idle {
-            Some(process) => process,
-            None => self.start(workers, log)?,
-        };
-        let archive = process.ask(Arc::clone(message), seconds(self.program.answer_s), workers)?;
-        Ok((process, archive))
     }
 
     /// Starts a process, and waits for its first answer.
@@ -172,7 +176,7 @@ impl Processes {
             Failure::Broken(error) => Failure::Broken(error.context("its start")),
             Failure::Wrong(error) => Failure::Wrong(error.context("its start")),
         })?;
-        let answer = Answer::new(answer, self.program.file.path(), log);
+        let answer = Answer::new(answer, START_NUMBER, self.program.file.path(), log);
         answer.and_then(|answer| answer.check_empty("start")).map_err(Failure::Wrong)?;
         Ok(process)
     }

@@ -75,6 +75,9 @@ fn is_name(name: &str) -> bool {
         && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
 }
 
+/// Name of the random numbers of all such stages.
+const STREAM: &str = "annotate.exec";
+
 struct Annotator {
     reads: Vec<KeyId>,
     provides: Vec<KeyId>,
@@ -93,14 +96,10 @@ impl ImageAnnotator for Annotator {
     }
 
     fn annotate(&self, cx: &ImageContext, products: &mut Products) -> Result<()> {
-        let stream = Stream::root(cx.dataset.seed).child(Self::KIND).child(&self.stream);
+        let stream = Stream::root(cx.dataset.seed).child(&cx.dataset.name).child(STREAM).child(&self.stream);
         let message = Message::new("view").of_view(cx, &stream);
         let (message, ids) = message.products(cx.size, &products.only(&self.reads))?;
-        let answer = self.processes.ask(&message, cx.workers, cx.log)?;
+        let answer = self.processes.ask(message, cx.workers, cx.log)?;
         answer.put(&self.provides, ids, cx.size, products)
     }
-}
-
-impl Annotator {
-    const KIND: &'static str = "annotate.exec";
 }

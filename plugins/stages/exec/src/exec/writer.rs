@@ -85,8 +85,8 @@ impl Writer for ProgramWriter {
         let message = Message::new("finish")
             .text("name", &cx.dataset.name)
             .integers("scenes", &scenes, true)
-            .texts("records", records.iter().map(String::as_str));
-        for (path, bytes) in self.processes.ask(&message, cx.workers, cx.log)?.files()? {
+            .bytes("records", serde_json::Value::from(records).to_string().into_bytes());
+        for (path, bytes) in self.processes.ask(message, cx.workers, cx.log)?.files()? {
             finish.write(&path, |file| file.write_all(&bytes).map_err(|error| Error::io(&path, &error)))?;
         }
         Ok(())
@@ -103,9 +103,9 @@ struct ProgramSceneWriter {
 
 impl SceneWriter for ProgramSceneWriter {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let stream = Stream::root(cx.dataset.seed).child("write.exec").child(self.output.id());
+        let stream = Stream::root(cx.dataset.seed).child(&cx.dataset.name).child("write.exec").child(self.output.id());
         let (message, _) = Message::new("view").of_view(cx, &stream).products(cx.size, products)?;
-        let mut answer: Answer = self.processes.ask(&message, cx.workers, cx.log)?;
+        let mut answer: Answer = self.processes.ask(message, cx.workers, cx.log)?;
         match answer.take_record() {
             Some(record) if self.keeps_records => push_line(&mut self.records, &record)?,
             Some(_) => {
