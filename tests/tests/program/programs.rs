@@ -135,7 +135,13 @@ fn programs_annotate_and_write() {
     }
     let merge = |more: &[&str]| {
         let mut command = syntable();
-        command.arg("merge").arg(folder.path().join("merged")).args(parts.iter().map(|(_, part)| part)).args(more);
+        // Programs of the recipe count from the current folder.
+        command
+            .current_dir(folder.path())
+            .arg("merge")
+            .arg(folder.path().join("merged"))
+            .args(parts.iter().map(|(_, part)| part))
+            .args(more);
         command
     };
     assert!(fails(&mut merge(&[]), 2).contains("--allow-code"));
