@@ -101,10 +101,8 @@ impl Processes {
     /// The processes of a program that reads and provides these products. They start with the first message.
     ///
     /// # Errors
-    /// If the options have no JSON.
+    /// If the first message cannot be encoded.
     pub fn new(program: Program, reads: &[String], provides: &[String]) -> Result<Self> {
-        let names = |names: &[String]| names.to_vec();
-        let (reads, provides) = (names(reads), names(provides));
         let greeting = Message::new("start")
             .numbered(START_NUMBER)
             .text("options", &serde_json::Value::from(program.options.clone()).to_string())
@@ -128,7 +126,7 @@ impl Processes {
         let named = |error: Error| error.in_file(self.program.file.path());
         let number = 1 + self.last.fetch_add(1, Ordering::Relaxed);
         let _permit = self.permit(workers);
-        // Only messages that are about to be sent are held in memory.
+        // Views that wait do not hold their encoded messages.
         let message = Arc::new(message.numbered(number).encode()?);
         let mut restarts = 0;
         loop {
