@@ -32,6 +32,26 @@ impl Registry {
         let Found { format, source, .. } = find(self.formats(), source, format)?;
         Ok((format, source))
     }
+
+    /// The datasets of products by name that other writers of a run wrote into folders of their own, in the order of
+    /// their names. `found` is the dataset that [`find_dataset`](Self::find_dataset) finds in the run's folder. None
+    /// in a folder that no run made.
+    pub fn companions(&self, run: &Source, found: &Source) -> Vec<(Arc<dyn DatasetFormat>, Source)> {
+        if !is_of_run(&run.path) {
+            return Vec::new();
+        }
+        let Ok(root) = run.folder(&run.path) else { return Vec::new() };
+        let entries = std::fs::read_dir(&run.path).into_iter().flatten().flatten().map(|entry| entry.path());
+        // A link may lead to a folder that the user did not name.
+        let is_own = |path: &PathBuf| path.is_dir() && root.file(path.file_name().unwrap_or_default()).is_ok();
+        let mut folders: Vec<PathBuf> = entries.filter(|path| *path != found.path && is_own(path)).collect();
+        folders.sort();
+        let of = |folder: PathBuf| {
+            let format = self.formats().iter().find(|it| it.is_generic() && it.detects(&folder))?;
+            Some((Arc::clone(format), run.at(&folder)))
+        };
+        folders.into_iter().filter_map(of).collect()
+    }
 }
 
 /// A dataset whose format is known.

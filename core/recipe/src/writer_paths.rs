@@ -26,7 +26,7 @@ pub(crate) fn bad_paths<'w>(
     writers: &[(&'w str, &dyn Writer<Scenes>)],
     plan: Option<&Plan>,
 ) -> Vec<(&'w str, Error)> {
-    let products = |writer: &dyn Writer<Scenes>| plan.map_or_else(Vec::new, |plan| plan.read_by(writer));
+    let products = |writer: &dyn Writer<Scenes>| plan.map_or_else(Vec::new, |plan| plan.read_by(&writer.reads()));
     let writers: Vec<AskedWriter> =
         writers.iter().map(|&(id, writer)| AskedWriter { dataset, id, writer, products: products(writer) }).collect();
     let samples = samples(dataset, &writers);

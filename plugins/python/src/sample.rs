@@ -1,5 +1,6 @@
 //! Samples: views with their products, in memory or in a dataset.
 
+use crate::dataset::RunDataset;
 use crate::errors::exception;
 use crate::masks;
 use crate::values;
@@ -11,7 +12,6 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{Form, KeyId, Products, Value};
-use syntable_model::reader::OpenDataset;
 use syntable_model::scene::{InstanceId, SceneId, ViewId};
 
 /// A view of a scene with its products. Products of a dataset are read when they are first asked for.
@@ -34,7 +34,7 @@ pub struct Sample {
 
 /// An image of a dataset.
 struct StoredImage {
-    dataset: Arc<OpenDataset>,
+    dataset: Arc<RunDataset>,
     image: usize,
 }
 
@@ -56,24 +56,26 @@ impl Sample {
     }
 
     /// An image of a dataset.
-    pub fn stored(dataset: Arc<OpenDataset>, image: usize) -> Self {
-        let found = &dataset.images[image];
+    pub fn stored(dataset: Arc<RunDataset>, image: usize) -> Self {
+        let found = &dataset.first.images[image];
         let (scene, view, name) = (found.scene.0, found.view.0, found.name.clone());
         let stored = Some(StoredImage { dataset, image });
         Self { scene, view, name, products: Mutex::default(), stored, is_lent: false }
     }
 
     /// The keys of all products.
-    fn keys(&self) -> Vec<KeyId> {
-        let held = self.products.lock().keys();
+    fn keys(&self) -> Result<Vec<KeyId>> {
         match &self.stored {
-            Some(stored) => stored.dataset.offers.clone(),
-            None => held,
+            Some(stored) => stored.dataset.keys(),
+            None => Ok(self.products.lock().keys()),
         }
     }
 
-    fn key(&self, name: &str) -> Option<KeyId> {
-        self.keys().into_iter().find(|key| key.is(name))
+    fn key(&self, name: &str) -> Result<Option<KeyId>> {
+        match &self.stored {
+            Some(stored) => stored.dataset.key(name),
+            None => Ok(self.products.lock().keys().into_iter().find(|key| key.is(name))),
+        }
     }
 
     /// Reads products that are in the dataset only.
@@ -87,7 +89,7 @@ impl Sample {
         // Reading takes long, and other threads may read other products of the image.
         let read = dataset.read(*image, &wants)?;
         let mut held = self.products.lock();
-        let new = read.products.without(&held);
+        let new = read.without(&held);
         held.extend(new)
     }
 
@@ -98,42 +100,49 @@ impl Sample {
         if held.contains(&key) { held.value(&key).map(Some) } else { Ok(None) }
     }
 
-    fn known(&self, name: &str) -> PyResult<KeyId> {
-        self.key(name).ok_or_else(|| {
-            let names: Vec<String> = self.keys().iter().map(ToString::to_string).collect();
-            let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-            PyKeyError::new_err(if self.is_lent {
-                format!("the stage does not read `{name}`: add it to reads=[…], which has {names}")
-            } else {
-                format!("the sample has no `{name}`, only {names}")
-            })
-        })
+    fn known(&self, py: Python<'_>, name: &str) -> PyResult<KeyId> {
+        if let Some(key) = py.detach(|| self.key(name)).map_err(|error| exception(py, &error))? {
+            return Ok(key);
+        }
+        let names = self.names(py)?;
+        let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        Err(PyKeyError::new_err(if self.is_lent {
+            format!("the stage does not read `{name}`: add it to reads=[…], which has {names}")
+        } else {
+            format!("the sample has no `{name}`, only {names}")
+        }))
     }
 }
 
 #[pymethods]
 impl Sample {
     /// Names of all products.
-    fn names(&self) -> Vec<String> {
-        self.keys().iter().map(ToString::to_string).collect()
+    fn names(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        let keys = py.detach(|| self.keys()).map_err(|error| exception(py, &error))?;
+        Ok(keys.iter().map(ToString::to_string).collect())
+    }
+
+    /// Whether the sample has a product.
+    fn has(&self, py: Python<'_>, name: &str) -> PyResult<bool> {
+        py.detach(|| self.key(name)).map(|key| key.is_some()).map_err(|error| exception(py, &error))
     }
 
     /// A product by its name; `None` if this image of the dataset lacks it.
     fn get<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        let key = self.known(name)?;
+        let key = self.known(py, name)?;
         let value = py.detach(|| self.value(key)).map_err(|error| exception(py, &error))?;
         values::to_python(py, value.unwrap_or(Value::Null))
     }
 
     /// Reads products of a dataset ahead of their use, with one pass over its files.
     fn read(&self, py: Python<'_>, names: Vec<String>) -> PyResult<()> {
-        let keys = names.iter().map(|name| self.known(name)).collect::<PyResult<Vec<_>>>()?;
+        let keys = names.iter().map(|name| self.known(py, name)).collect::<PyResult<Vec<_>>>()?;
         py.detach(|| self.need(&keys)).map_err(|error| exception(py, &error))
     }
 
     /// Masks of objects as an array of bool: objects × height × width, in the order of `ids`.
     fn masks<'py>(&self, py: Python<'py>, name: &str, ids: Vec<u16>) -> PyResult<Bound<'py, PyArray3<bool>>> {
-        let key = self.known(name)?;
+        let key = self.known(py, name)?;
         let value = py.detach(|| self.value(key)).map_err(|error| exception(py, &error))?;
         let Some(Value::PerInstance(each)) = value else {
             let message = format!("`{name}` is {}, not a mask per object", key.kind_of_value());
@@ -153,7 +162,10 @@ impl Sample {
 
     /// Ids of the objects that have a value of any product, ascending.
     fn ids(&self, py: Python<'_>) -> PyResult<Vec<u16>> {
-        let keys = self.keys();
+        let keys = match &self.stored {
+            Some(stored) => stored.dataset.first.offers.clone(),
+            None => self.products.lock().keys(),
+        };
         let mut of_objects = keys.iter().filter(|key| matches!(key.form(), Form::PerInstance(_))).copied();
         py.detach(|| {
             let mut ids = BTreeSet::new();

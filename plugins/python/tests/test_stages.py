@@ -174,6 +174,40 @@ def test_every_type_comes_back():
             assert got == expected, name
 
 
+STORED = {
+    "npz": [name for name in PROVIDES if name not in ("test_none", "test_record")],
+    "webdataset": list(PROVIDES),
+    "hdf5": list(PROVIDES),
+    "parquet": [name for name, (declared, *_) in PROVIDES.items() if not isinstance(declared, (st.Image, st.Tensor))],
+}
+
+
+@pytest.mark.parametrize("kind", STORED)
+def test_own_products_come_back_from_files(kind, tmp_path):
+    @st.annotator(reads=["depth", "visible_mask"], provides={name: it for name, (it, _, _) in PROVIDES.items()})
+    def test_everything(view):
+        return {name: make(view) for name, (_, make, _) in PROVIDES.items()}
+
+    names = STORED[kind]
+    writers = {"syntable": {}, kind: {"include": ["visible_mask", "normal"] if kind == "npz" else ["visible_mask"]}}
+    writers[kind]["include"] = writers[kind]["include"] + names
+    out = tmp_path / "data"
+    st.run(small(write=writers), out, progress=False)
+    made = sample("rgb", "visible_mask", "normal", *names)
+    with_images, alone = st.open(out), st.open(out / kind)
+    assert with_images.format == "syntable" and alone.format == kind
+    assert set(names) <= set(with_images.products) and set(names) <= set(alone.products)
+    for stored in (with_images[0], alone[0]):
+        for name in names:
+            got, expected = stored[name], made[name]
+            if isinstance(expected, np.ndarray):
+                assert got.dtype == expected.dtype and np.array_equal(got, expected), name
+            else:
+                assert got == expected and type(got) is type(expected), name
+    assert np.array_equal(with_images[0].rgb, made.rgb)
+    assert kind != "npz" or np.array_equal(with_images[0].normal, made.normal, equal_nan=True)
+
+
 def test_tensors_of_torch():
     torch = pytest.importorskip("torch")
 

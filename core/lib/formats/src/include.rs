@@ -5,6 +5,7 @@ use crate::decode::FileContent;
 use crate::encode::kind::ValueKind;
 use crate::encode::{scene_name, view_name};
 use crate::json;
+use crate::known::{self, PRODUCTS};
 use schemars::{Schema, SchemaGenerator, json_schema};
 use std::borrow::Cow;
 use syntable_model::files::DatasetFolder;
@@ -85,34 +86,42 @@ impl Included {
         self.names().any(|name| [CATEGORY_ID.name(), CATEGORY_MAP.name()].contains(&name))
     }
 
-    /// The path of the [file of categories](CATEGORIES), for files of the dataset and if a product has category ids.
-    pub fn categories_path(&self, of: &FileOf) -> Option<String> {
-        (of.scene.is_none() && self.has_category_ids()).then(|| categories_path(of.id))
+    /// The paths of the [lists](write_lists) of the dataset; none for a scene or view.
+    pub fn list_paths(&self, of: &FileOf) -> Vec<String> {
+        list_paths(of, self.has_category_ids())
     }
 
-    /// Writes the [file of categories](CATEGORIES) if a product has category ids.
+    /// Writes the [lists](write_lists) of the dataset.
     ///
     /// # Errors
-    /// If the file cannot be written.
-    pub fn write_categories(&self, dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
-        if self.has_category_ids() { write_categories(dataset, finish) } else { Ok(()) }
+    /// If a file cannot be written.
+    pub fn write_lists(&self, dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
+        write_lists(dataset, finish, self.has_category_ids())
     }
 }
 
 /// The file of categories, next to products with category ids: COCO's list.
 pub const CATEGORIES: &str = "categories.json";
 
-/// The path of the file of categories of a writer.
-pub fn categories_path(id: &str) -> String {
-    format!("{id}/{CATEGORIES}")
+/// The paths of the [lists](write_lists) of a dataset; none for a scene or view.
+pub fn list_paths(of: &FileOf, has_category_ids: bool) -> Vec<String> {
+    let lists = [(CATEGORIES, has_category_ids), (PRODUCTS, known::declared(of.products).is_some())];
+    let lists = lists.into_iter().filter(|(_, has)| *has && of.scene.is_none());
+    lists.map(|(name, _)| format!("{}/{name}", of.id)).collect()
 }
 
-/// Writes all categories of the recipe, so that ids have names in every part of the dataset.
+/// Writes the lists that explain the files of a dataset: [all categories](CATEGORIES) of the recipe if files have ids of
+/// categories, so that ids have names in every part of the dataset, and the [products](PRODUCTS) that no linked crate
+/// defines, such as those of annotators in Python.
 ///
 /// # Errors
-/// If the file cannot be written.
-pub fn write_categories(dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
-    write_file(finish, &categories_path(finish.id()), &json::pretty(&coco::categories(dataset))?)
+/// If a file cannot be written.
+pub fn write_lists(dataset: &DatasetInfo, finish: &Finish, has_category_ids: bool) -> Result<()> {
+    let write = |name: &str, bytes: Vec<u8>| write_file(finish, &format!("{}/{name}", finish.id()), &bytes);
+    if has_category_ids {
+        write(CATEGORIES, json::pretty(&coco::categories(dataset))?)?;
+    }
+    known::declared(finish.reads()).map_or(Ok(()), |declared| write(PRODUCTS, json::pretty(&declared)?))
 }
 
 /// The categories in a folder's file of categories, if the file exists.

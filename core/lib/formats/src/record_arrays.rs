@@ -4,9 +4,10 @@ use crate::decode::NpyArray;
 use crate::encode::kind::{Form, ValueKind};
 use crate::encode::npy::{self, Array, NpyArrays};
 use crate::json;
+use crate::known::KnownProducts;
 use std::collections::BTreeMap;
 use syntable_model::error::{Error, Result};
-use syntable_model::product::{KeyId, Tensor, Value, linked};
+use syntable_model::product::{KeyId, Tensor, Value};
 use syntable_model::scene::InstanceId;
 
 /// Suffix of the name of an array of JSON texts.
@@ -145,14 +146,13 @@ fn column_of(column: &[Option<&Value>]) -> Option<Array> {
 }
 
 /// The product of an array: the product with the array's name, or else the product of records with the longest name that
-/// begins the array's name. The array's own name if no product of a linked crate fits.
-pub fn product_of(array: &str) -> String {
-    let keys = linked();
-    if keys.iter().any(|key| key.is(array)) {
+/// begins the array's name. The array's own name if no known product fits.
+pub fn product_of(array: &str, known: &KnownProducts) -> String {
+    if known.named(array).is_some() {
         return array.to_owned();
     }
     let has_records = |key: &&KeyId| matches!(key.form().of_one(), Form::Record | Form::Records);
-    let names = keys.iter().filter(has_records).map(ToString::to_string);
+    let names = known.iter().filter(has_records).map(ToString::to_string);
     let owners = names.filter(|name| array.strip_prefix(name.as_str()).is_some_and(|rest| rest.starts_with('_')));
     owners.max_by_key(String::len).unwrap_or_else(|| array.to_owned())
 }
@@ -320,7 +320,7 @@ mod tests {
             shape("camera_lens_json", "<U14", &[]),
         ];
         assert_eq!(told, want);
-        assert!(told.iter().all(|(name, ..)| product_of(name) == "camera"));
+        assert!(told.iter().all(|(name, ..)| product_of(name, &KnownProducts::default()) == "camera"));
         let json = |value: &Value| serde_json::to_value(value).expect("JSON");
         let read = value("camera", &CAMERA.id(), &arrays, &[]).expect("reads");
         assert_eq!(json(&read), json(&camera));
@@ -366,7 +366,7 @@ mod tests {
         let (arrays, told) = of(KEYPOINTS.id(), &points);
         // [{"name":"rim"},{"name":"base"}]
         assert_eq!(told, [shape("keypoints_json", "<U32", &[2])]);
-        assert_eq!(product_of("keypoints_json"), "keypoints");
+        assert_eq!(product_of("keypoints_json", &KnownProducts::default()), "keypoints");
         assert_eq!(value("keypoints", &KEYPOINTS.id(), &arrays, &ids).expect("reads"), points);
         let names = Value::PerInstance(ids.into_iter().zip(["mug".into(), "".into()]).collect());
         let (arrays, told) = of(OBJECT_NAME.id(), &names);

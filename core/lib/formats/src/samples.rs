@@ -4,6 +4,7 @@
 //! from them, are the same for all formats.
 
 use crate::coco::Category;
+use crate::known::KnownProducts;
 use crate::read::{self, Categories, Faults, KnownMasks, ObjectLabels};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -16,7 +17,7 @@ use syntable_model::product::standard::{
     VISIBILITY, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK,
 };
 use syntable_model::product::{
-    Form, Key, KeyId, Mask, PerInstance, Plane, Product, Products, Scope, Semantic, Stored, Tensor, Value, linked,
+    Form, Key, KeyId, Mask, PerInstance, Plane, Product, Products, Scope, Semantic, Stored, Tensor, Value,
 };
 use syntable_model::reader::{
     DatasetFault, FaultSubject, ImageRef, ImageSource, Note, Opened, ReadImage, unnamed_category,
@@ -35,6 +36,8 @@ pub struct Contents {
     pub images: Vec<ImageRef>,
     /// Names of the fields that samples have.
     pub fields: BTreeSet<String>,
+    /// The products that samples may have.
+    pub known: KnownProducts,
     /// Faults of the dataset as a whole.
     pub faults: Faults,
     /// The categories, if the dataset lists them.
@@ -116,11 +119,6 @@ const OF_ANNOTATED: [KeyId; 7] = [
     VISIBLE_MASK.id(),
 ];
 
-/// Whether a product has a value for each instance.
-pub fn is_per_instance(product: &str) -> bool {
-    linked().iter().any(|key| key.is(product) && matches!(key.form(), Form::PerInstance(_)))
-}
-
 /// The values of instances from one array, with the instances along the first axis. An error is the reason.
 pub fn instances(values: &Tensor, ids: &Tensor) -> Result<Value, String> {
     let ids: Vec<InstanceId> = ids_of(ids)?;
@@ -161,8 +159,8 @@ pub fn ids_of(ids: &Tensor) -> Result<Vec<InstanceId>, String> {
 /// Opens a dataset of samples with this name.
 pub fn open(name: String, mut contents: Contents, samples: Box<dyn SampleReader>) -> Opened {
     let of_view = |key: &KeyId| (key.scope == Scope::Scene || key.scope.comes_with_view()) && key.is_decoded();
-    let mut keys: Vec<KeyId> =
-        linked().into_iter().filter(|key| of_view(key) && contents.fields.contains(&key.to_string())).collect();
+    let is_stored = |key: &&KeyId| of_view(key) && contents.fields.contains(&key.to_string());
+    let mut keys: Vec<KeyId> = contents.known.iter().filter(is_stored).copied().collect();
     let of_all = |key: &KeyId| keys.contains(key) && !contents.of_shown.contains(&key.to_string());
     let annotated = OF_ANNOTATED.into_iter().find(of_all);
     let has_categories = of_all(&CATEGORY_ID.id());

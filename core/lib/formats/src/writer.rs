@@ -62,8 +62,8 @@ pub trait ImageWriter: Send + Sync + Sized + 'static {
 }
 
 /// A generic writer with separate files for each view and each scene: the options, the names of the files and their
-/// encoding. [`writer`](Self::writer) passes the included products, and writes the [file of
-/// categories](include::CATEGORIES).
+/// encoding. [`writer`](Self::writer) passes the included products, and writes the [lists of
+/// the dataset](include::write_lists).
 pub trait ProductWriter: Send + Sync + Sized + 'static {
     /// The option `include`.
     fn include(&self) -> &Included;
@@ -111,11 +111,11 @@ impl<W: ProductWriter> ImageWriter for GenericWriter<W> {
     }
 
     fn paths(&self, of: &FileOf) -> Vec<String> {
-        self.0.paths(of).into_iter().chain(self.0.include().categories_path(of)).collect()
+        self.0.paths(of).into_iter().chain(self.0.include().list_paths(of)).collect()
     }
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        self.0.include().write_categories(cx.dataset, finish)
+        self.0.include().write_lists(cx.dataset, finish)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Products that recipes or users declare while the program runs.
 
-use super::{DType, Form, Key, KeyId, Mask, PerInstance, Plane, Product, Semantic, Value, linked};
+use super::{DType, Form, Framing, Key, KeyId, Mask, PerInstance, Plane, Product, Scope, Semantic, Value, linked};
 use crate::error::Error;
 use crate::intern::intern;
 use schemars::JsonSchema;
@@ -70,6 +70,31 @@ pub enum DeclaredForm {
     Tensor,
 }
 
+impl DeclaredForm {
+    /// The name of a form without a type of numbers.
+    fn of(form: &Form) -> Option<Self> {
+        Some(match form {
+            Form::Bool => Self::Bool,
+            Form::Int => Self::Int,
+            Form::Float => Self::Float,
+            Form::Text => Self::Text,
+            Form::Record => Self::Record,
+            Form::List => Self::List,
+            Form::PerInstance(one) => match &**one {
+                Form::Bool => Self::BoolPerObject,
+                Form::Int => Self::IntPerObject,
+                Form::Float => Self::FloatPerObject,
+                Form::Text => Self::TextPerObject,
+                Form::Record => Self::RecordPerObject,
+                Form::List => Self::ListPerObject,
+                Form::Mask => Self::MaskPerObject,
+                _ => return None,
+            },
+            _ => return None,
+        })
+    }
+}
+
 impl DeclaredProduct {
     /// The key of the product with this name.
     ///
@@ -100,9 +125,27 @@ impl DeclaredProduct {
         }
     }
 
+    /// The declaration of a product that no linked crate defines, whose [`key`](Self::key) is this key. None for other
+    /// products, and for forms that cannot be declared.
+    pub fn of(key: &KeyId) -> Option<Self> {
+        if key.scope != Scope::View || key.framing != Framing::IMAGE || linked().iter().any(|it| it.is(key.product)) {
+            return None;
+        }
+        let (form, dtype, channels) = match key.form() {
+            Form::Image { dtype, channels } => {
+                let channels = channels.map(u8::try_from).transpose().ok()?;
+                (DeclaredForm::Image, Some(dtype), channels)
+            }
+            Form::Tensor(dtype) => (DeclaredForm::Tensor, Some(dtype), None),
+            form => (DeclaredForm::of(&form)?, None, None),
+        };
+        let (meaning, unit, doc) = (key.semantic, key.unit.to_owned(), key.doc());
+        Some(Self { form, dtype, channels, meaning, unit, doc })
+    }
+
     fn of_form(&self, name: &str) -> Option<KeyId> {
-        let value = |form: fn() -> Form| Some(self.of::<Value>(name).form(form).id());
-        let each = |form: fn() -> Form| Some(self.of::<PerInstance<Value>>(name).form(form).id());
+        let value = |form: fn() -> Form| Some(self.typed::<Value>(name).form(form).id());
+        let each = |form: fn() -> Form| Some(self.typed::<PerInstance<Value>>(name).form(form).id());
         match self.form {
             DeclaredForm::Bool => value(|| Form::Bool),
             DeclaredForm::Int => value(|| Form::Int),
@@ -110,11 +153,11 @@ impl DeclaredProduct {
             DeclaredForm::Text => value(|| Form::Text),
             DeclaredForm::Record => value(|| Form::Record),
             DeclaredForm::List => value(|| Form::List),
-            DeclaredForm::BoolPerObject => Some(self.of::<PerInstance<bool>>(name).id()),
-            DeclaredForm::IntPerObject => Some(self.of::<PerInstance<i64>>(name).id()),
-            DeclaredForm::FloatPerObject => Some(self.of::<PerInstance<f64>>(name).id()),
-            DeclaredForm::TextPerObject => Some(self.of::<PerInstance<String>>(name).id()),
-            DeclaredForm::MaskPerObject => Some(self.of::<PerInstance<Mask>>(name).id()),
+            DeclaredForm::BoolPerObject => Some(self.typed::<PerInstance<bool>>(name).id()),
+            DeclaredForm::IntPerObject => Some(self.typed::<PerInstance<i64>>(name).id()),
+            DeclaredForm::FloatPerObject => Some(self.typed::<PerInstance<f64>>(name).id()),
+            DeclaredForm::TextPerObject => Some(self.typed::<PerInstance<String>>(name).id()),
+            DeclaredForm::MaskPerObject => Some(self.typed::<PerInstance<Mask>>(name).id()),
             DeclaredForm::RecordPerObject => each(|| Form::PerInstance(Box::new(Form::Record))),
             DeclaredForm::ListPerObject => each(|| Form::PerInstance(Box::new(Form::List))),
             DeclaredForm::Tensor => self.tensor(name),
@@ -122,7 +165,7 @@ impl DeclaredProduct {
         }
     }
 
-    fn of<T: Product>(&self, name: &str) -> Key<T> {
+    fn typed<T: Product>(&self, name: &str) -> Key<T> {
         Key::view(intern(name), intern(&self.doc))
     }
 
@@ -130,7 +173,7 @@ impl DeclaredProduct {
         macro_rules! of_dtypes {
             ($($dtype:ident),*) => {
                 match self.dtype? {
-                    $(DType::$dtype => Some(self.of::<Value>(name).form(|| Form::Tensor(DType::$dtype)).id()),)*
+                    $(DType::$dtype => Some(self.typed::<Value>(name).form(|| Form::Tensor(DType::$dtype)).id()),)*
                 }
             };
         }
@@ -141,11 +184,11 @@ impl DeclaredProduct {
         macro_rules! of_dtypes {
             ($($dtype:ident => $type:ty),*) => {
                 match (self.dtype?, self.channels) {
-                    $((DType::$dtype, None) => Some(self.of::<Plane<$type>>(name).id()),
-                    (DType::$dtype, Some(1)) => Some(self.of::<Plane<[$type; 1]>>(name).id()),
-                    (DType::$dtype, Some(2)) => Some(self.of::<Plane<[$type; 2]>>(name).id()),
-                    (DType::$dtype, Some(3)) => Some(self.of::<Plane<[$type; 3]>>(name).id()),
-                    (DType::$dtype, Some(4)) => Some(self.of::<Plane<[$type; 4]>>(name).id()),)*
+                    $((DType::$dtype, None) => Some(self.typed::<Plane<$type>>(name).id()),
+                    (DType::$dtype, Some(1)) => Some(self.typed::<Plane<[$type; 1]>>(name).id()),
+                    (DType::$dtype, Some(2)) => Some(self.typed::<Plane<[$type; 2]>>(name).id()),
+                    (DType::$dtype, Some(3)) => Some(self.typed::<Plane<[$type; 3]>>(name).id()),
+                    (DType::$dtype, Some(4)) => Some(self.typed::<Plane<[$type; 4]>>(name).id()),)*
                     _ => None,
                 }
             };
@@ -173,6 +216,40 @@ mod tests {
         assert_eq!((share.type_name().as_str(), share.doc().as_str()), ("PerInstance<f64>", "Share of dark pixels."));
         let tensor = of(serde_json::json!({ "form": "tensor", "dtype": "int8" })).expect("a key");
         assert_eq!(tensor.form(), Form::Tensor(DType::I8));
+    }
+
+    #[test]
+    fn a_key_gives_its_declaration() {
+        for form in [
+            "bool",
+            "int",
+            "float",
+            "str",
+            "dict",
+            "list",
+            "bool per object",
+            "int per object",
+            "float per object",
+            "str per object",
+            "dict per object",
+            "list per object",
+            "Mask per object",
+        ] {
+            let json = serde_json::json!({ "form": form, "unit": "K", "doc": "Heat." });
+            let declared: DeclaredProduct = serde_json::from_value(json.clone()).expect("a declaration");
+            let key = declared.key("heat").expect("a key");
+            assert_eq!(DeclaredProduct::of(&key), Some(declared), "{json}");
+        }
+        for json in [
+            serde_json::json!({ "form": "image", "dtype": "float16", "channels": 2, "meaning": "color" }),
+            serde_json::json!({ "form": "image", "dtype": "bool" }),
+            serde_json::json!({ "form": "tensor", "dtype": "uint64" }),
+        ] {
+            let declared: DeclaredProduct = serde_json::from_value(json).expect("a declaration");
+            let key = declared.key("heat").expect("a key");
+            assert_eq!(DeclaredProduct::of(&key), Some(declared));
+        }
+        assert_eq!(DeclaredProduct::of(&crate::product::standard::RGB.id()), None, "a linked crate defines it");
     }
 
     #[test]

@@ -27,7 +27,8 @@ impl<'a> Stored<'a> {
         Self { value, ..self }
     }
 
-    /// The value in a form: nested lists become an array if the product is an array.
+    /// The value in a form: nested lists become an array if the product is an array, and arrays become numbers or lists
+    /// if it is one of these. None for a value of another form, as far as the form tells.
     pub(super) fn of_form(self, form: &Form) -> Option<Cow<'a, Value>> {
         match (form, self.value) {
             (Form::Tensor(dtype), Value::List(_)) => {
@@ -36,7 +37,33 @@ impl<'a> Stored<'a> {
                 let axes = vec![Cow::Borrowed("axis"); shape.len()];
                 Some(Cow::Owned(Value::Tensor(Tensor { dtype: *dtype, axes, shape, bytes })))
             }
+            (Form::List, Value::Tensor(tensor)) => Some(Cow::Owned(nested(tensor, 0, 0))),
+            (Form::PerInstance(one), Value::PerInstance(each)) if **one == Form::List => {
+                let list = |value: &Value| match value {
+                    Value::Tensor(tensor) => nested(tensor, 0, 0),
+                    value => value.clone(),
+                };
+                Some(Cow::Owned(Value::PerInstance(each.iter().map(|(id, value)| (*id, list(value))).collect())))
+            }
+            (Form::Bool | Form::Int | Form::Float, Value::Tensor(tensor)) => {
+                let value = tensor.shape.is_empty().then(|| tensor.element(0))?;
+                Stored { value: &value, ..self }.number_of_form(form).map(Cow::Owned)
+            }
+            (Form::Bool | Form::Int | Form::Float, _) => self.number_of_form(form).map(Cow::Owned),
+            (Form::Text, value) if !matches!(value, Value::Text(_)) => None,
             (_, value) => Some(Cow::Borrowed(value)),
+        }
+    }
+
+    /// A number or a truth value in its form.
+    fn number_of_form(self, form: &Form) -> Option<Value> {
+        match (form, self.value) {
+            (Form::Bool, Value::Bool(_)) | (Form::Float, Value::Float(_)) => Some(self.value.clone()),
+            (Form::Int, Value::Int(_) | Value::Uint(_)) => Some(self.value.clone()),
+            (Form::Float, Value::Int(value)) => Some(Value::Float(*value as f64)),
+            // JSON has no infinite numbers.
+            (Form::Float, Value::Null) => Some(Value::Float(self.missing)),
+            _ => None,
         }
     }
 
@@ -265,6 +292,17 @@ fn integer(value: &Value) -> Option<i128> {
         Value::Float(value) if value.fract() == 0.0 && value.abs() <= 9_007_199_254_740_992.0 => Some(*value as i128),
         Value::Tensor(tensor) if tensor.shape.is_empty() => integer(&tensor.element(0)),
         _ => None,
+    }
+}
+
+/// The nested lists of an array's elements from `start` on, along the axes from `axis` on.
+fn nested(tensor: &Tensor, axis: usize, start: usize) -> Value {
+    match tensor.shape.get(axis) {
+        None => tensor.element(start),
+        Some(&length) => {
+            let step: usize = tensor.shape[axis + 1..].iter().product();
+            Value::List((0..length).map(|at| nested(tensor, axis + 1, start + at * step)).collect())
+        }
     }
 }
 

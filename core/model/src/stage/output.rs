@@ -4,6 +4,7 @@ use crate::digest::Digest;
 use crate::error::{ConfigError, Error, Result};
 use crate::files::DatasetPath;
 pub use crate::files::RESERVED;
+use crate::product::KeyId;
 use crate::scene::SceneId;
 use crate::store::{StoreFolder, StoredFile};
 use std::collections::BTreeSet;
@@ -118,13 +119,19 @@ pub struct Finish {
     staging: Option<StoreFolder>,
     id: String,
     scenes: Vec<SceneId>,
+    reads: Vec<KeyId>,
 }
 
 impl Finish {
     /// The end of a run for the writer `id`: `scenes` are done, ascending. Files are written into the dataset, where they
     /// replace older ones. A path of this machine is a dataset, too.
     pub fn new(dataset: impl Into<StoreFolder>, id: impl Into<String>, scenes: Vec<SceneId>) -> Self {
-        Self { dataset: dataset.into(), staging: None, id: id.into(), scenes }
+        Self { dataset: dataset.into(), staging: None, id: id.into(), scenes, reads: Vec::new() }
+    }
+
+    /// The same with the keys of the products that the writer reads.
+    pub fn reading(self, reads: Vec<KeyId>) -> Self {
+        Self { reads, ..self }
     }
 
     /// The same with a staging folder for the files of all writers, in which no path may be written twice.
@@ -135,6 +142,11 @@ impl Finish {
     /// The writer's id in the recipe.
     pub fn id(&self) -> &str {
         &self.id
+    }
+
+    /// The keys of the products that the writer reads.
+    pub fn reads(&self) -> &[KeyId] {
+        &self.reads
     }
 
     /// The scenes that are done, ascending.

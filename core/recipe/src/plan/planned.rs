@@ -8,7 +8,7 @@ use syntable_model::error::Error;
 use syntable_model::product::standard::COVERAGE;
 use syntable_model::product::{Framing, KeyId, ProductId, Scope, parse_product};
 use syntable_model::registry::Slot;
-use syntable_model::stage::{Renderer, Scenes, Writer};
+use syntable_model::stage::{Input, Renderer};
 
 /// The provider of a product.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -117,9 +117,9 @@ impl Plan {
         self.entries.iter().map(|entry| entry.key).find(is_meant)
     }
 
-    /// The products that a writer reads.
-    pub fn read_by(&self, writer: &dyn Writer<Scenes>) -> Vec<KeyId> {
-        writer.reads().into_iter().filter_map(|input| self.named(&input.product)).collect()
+    /// The products that inputs of a stage stand for.
+    pub fn read_by(&self, inputs: &[Input]) -> Vec<KeyId> {
+        inputs.iter().filter_map(|input| self.named(&input.product)).collect()
     }
 
     /// The stages that lack a file that they need, without running any of them.

@@ -464,7 +464,8 @@ impl ConversionWalk<'_> {
     fn finish(&self, scenes: &[SceneId]) -> Result<()> {
         self.writers.iter().try_for_each(|(id, writer)| {
             let products = Products::new().only(&Input::names(&writer.reads()));
-            let finish = Finish::new(self.part, id, scenes.to_vec()).staged(self.part);
+            let reads = self.plan.read_by(&writer.reads());
+            let finish = Finish::new(self.part, id, scenes.to_vec()).reading(reads).staged(self.part);
             let finished = self.at_end.lend(&format!("write.{id}"), |cx| writer.finish(cx, &products, &finish));
             finished.map_err(|error| error.context(id.clone()))
         })

@@ -208,7 +208,8 @@ pub fn annotate_and_finish(
             return None;
         }
         let done = scenes(&|entry| entry.writers().contains(id));
-        let finish = Finish::new(folder.files(), id, done).staged(staged);
+        let plan = &recipe.components.first().plan;
+        let finish = Finish::new(folder.files(), id, done).reading(plan.read_by(&writer.reads())).staged(staged);
         let read = products.only(&reads);
         let finish = |cx: &DatasetContext| writer.finish(cx, &read, &finish);
         let ended = panics::quiet(|| panics::caught(&stage, || lender.lend(&stage, finish)));

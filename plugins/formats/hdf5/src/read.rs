@@ -6,8 +6,10 @@ use hdf5_pure::DType as Stored;
 use hdf5_pure::{Datatype, DatatypeByteOrder, File, Layout};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use syntable_formats::decode::{self, byte_count};
 use syntable_formats::include;
+use syntable_formats::known::KnownProducts;
 use syntable_formats::read::{self, Faults, place_in_name};
 use syntable_formats::samples::{self, Contents, SampleFields, SampleReader};
 use syntable_model::limits::{IMAGE_PIXELS, MEMBER_BYTES};
@@ -40,7 +42,10 @@ fn files_of(folder: &Path) -> Vec<((u32, u32), PathBuf)> {
 }
 
 /// The files of the views.
-struct Hdf5Views(Vec<PathBuf>);
+struct Hdf5Views {
+    paths: Vec<PathBuf>,
+    known: Arc<KnownProducts>,
+}
 
 fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
@@ -58,8 +63,9 @@ fn open(source: &Source) -> Result<Opened> {
     let paths: Vec<PathBuf> = all.into_values().collect();
     let (mut fields, mut of_shown) = (BTreeSet::new(), BTreeSet::new());
     let (mut names, mut are_named) = (BTreeMap::new(), false);
+    let known = Arc::new(KnownProducts::of(&folder)?);
     for path in &paths {
-        let view = match Hdf5View::open(path) {
+        let view = match Hdf5View::open(path, &known) {
             Ok(view) => view,
             // The fault is reported with the image.
             Err(_) => continue,
@@ -84,13 +90,15 @@ fn open(source: &Source) -> Result<Opened> {
     }
     let named = names.into_iter().filter(|_| are_named).map(|(id, name): (u32, String)| (id.into(), name)).collect();
     let categories = include::categories_in(&folder)?;
-    let contents = Contents { images, fields, faults, categories, named, of_shown, leaves_out_empty: false };
-    Ok(samples::open(read::name_of(root), contents, Box::new(Hdf5Views(paths))))
+    let views = Hdf5Views { paths, known: Arc::clone(&known) };
+    let known = (*known).clone();
+    let contents = Contents { images, fields, known, faults, categories, named, of_shown, leaves_out_empty: false };
+    Ok(samples::open(read::name_of(root), contents, Box::new(views)))
 }
 
 impl SampleReader for Hdf5Views {
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<SampleFields> {
-        let view = Hdf5View::open(&self.0[image])?;
+        let view = Hdf5View::open(&self.paths[image], &self.known)?;
         let own = view.fields().into_iter().filter(|name| wanted.contains(name.as_str()));
         own.map(|name| Ok((name.clone(), view.field(&name)?))).collect()
     }
@@ -113,21 +121,22 @@ struct Hdf5View {
     path: PathBuf,
     /// Names of the datasets in the file.
     names: BTreeSet<String>,
+    known: Arc<KnownProducts>,
 }
 
 impl Hdf5View {
-    fn open(path: &Path) -> Result<Self> {
+    fn open(path: &Path, known: &Arc<KnownProducts>) -> Result<Self> {
         decode::open(path)?;
-        guarded(LIBRARY, path, || Self::opened(path))
+        guarded(LIBRARY, path, || Self::opened(path, Arc::clone(known)))
     }
 
-    fn opened(path: &Path) -> Result<Self> {
+    fn opened(path: &Path, known: Arc<KnownProducts>) -> Result<Self> {
         let fail = |error: hdf5_pure::Error| Error::new(format!("not a readable HDF5 file: {error}")).in_file(path);
         decode::open(path)?;
         // Only requested datasets are read.
         let file = File::open_streaming(path).map_err(fail)?;
         let names = file.root().datasets().map_err(fail)?.into_iter().collect();
-        Ok(Self { file, path: path.to_owned(), names })
+        Ok(Self { file, path: path.to_owned(), names, known })
     }
 
     /// Names of the products in the attributes of bodies, which only visible objects have.
@@ -222,7 +231,7 @@ impl Hdf5View {
         }
         let array = self.array(name)?;
         let ids = format!("{name}{IDS_END}");
-        if !samples::is_per_instance(name) || !self.names.contains(&ids) {
+        if !self.known.is_per_instance(name) || !self.names.contains(&ids) {
             return Ok(Value::Tensor(array));
         }
         let values = samples::instances(&array, &self.array(&ids)?);
@@ -239,7 +248,9 @@ impl Hdf5View {
         MEMBER_BYTES
             .check_product(&factors)
             .and_then(|()| match lengths[..] {
-                [height, width, ..] if !samples::is_per_instance(name) => IMAGE_PIXELS.check_product(&[height, width]),
+                [height, width, ..] if !self.known.is_per_instance(name) => {
+                    IMAGE_PIXELS.check_product(&[height, width])
+                }
                 _ => Ok(()),
             })
             .map_err(|error| error.context(format!("dataset `{name}` of shape {lengths:?}")).in_file(&self.path))?;

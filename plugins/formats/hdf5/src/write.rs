@@ -42,13 +42,12 @@ impl ImageWriter for Hdf5 {
     fn paths(&self, of: &FileOf) -> Vec<String> {
         match (of.scene, of.view) {
             (Some(scene), Some(view)) => vec![path(of.id, &view_name(scene, view))],
-            (None, None) if self.has_category_ids() => vec![include::categories_path(of.id)],
-            _ => Vec::new(),
+            _ => include::list_paths(of, self.has_category_ids()),
         }
     }
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        if self.has_category_ids() { include::write_categories(cx.dataset, finish) } else { Ok(()) }
+        include::write_lists(cx.dataset, finish, self.has_category_ids())
     }
 }
 

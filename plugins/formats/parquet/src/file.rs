@@ -1,6 +1,6 @@
 //! One table as a Parquet file.
 
-use crate::record::{CATEGORIES, IMAGE, IMAGE_BYTES};
+use crate::record::{IMAGE, IMAGE_BYTES};
 use crate::shred::{ColumnLeaf, ColumnType, LeafValues, push};
 use parquet::basic::Compression;
 use parquet::data_type::{BoolType, ByteArrayType, DoubleType, Int64Type};
@@ -48,9 +48,9 @@ impl ParquetTable {
     }
 
     /// Writes the table as a file with one row group, or with none if the table has no rows. The content does not
-    /// depend on the clock. Errors report `path`. `categories` is COCO's list as JSON.
-    pub fn write(self, out: impl Write + Send, path: &str, program: &str, categories: Option<String>) -> Result<()> {
-        self.try_write(out, program, categories).map_err(|error| match error {
+    /// depend on the clock. Errors report `path`. `metadata` has texts by key.
+    pub fn write(self, out: impl Write + Send, path: &str, program: &str, metadata: Vec<(&str, String)>) -> Result<()> {
+        self.try_write(out, program, metadata).map_err(|error| match error {
             // An error of the disk is not a fault of the scene.
             ParquetError::External(cause) if cause.is::<std::io::Error>() => {
                 cause.downcast_ref().map_or_else(|| Error::new(cause.to_string()), |io| Error::io(path, io))
@@ -59,13 +59,18 @@ impl ParquetTable {
         })
     }
 
-    fn try_write(self, out: impl Write + Send, program: &str, categories: Option<String>) -> Result<(), ParquetError> {
+    fn try_write(
+        self,
+        out: impl Write + Send,
+        program: &str,
+        metadata: Vec<(&str, String)>,
+    ) -> Result<(), ParquetError> {
         let fields = self.columns.iter().map(|(name, node)| node.schema(name)).collect::<Result<_, _>>()?;
         let schema = Type::group_type_builder("schema").with_fields(fields).build()?;
         let embeds = self.columns.iter().any(|(name, _)| name == IMAGE);
         let bytes = ColumnPath::new(vec![IMAGE.to_owned(), IMAGE_BYTES.to_owned()]);
-        let categories = categories.map(|list| KeyValue::new(CATEGORIES.to_owned(), list));
-        let metadata: Vec<KeyValue> = embeds.then(|| hugging_face(IMAGE)).into_iter().chain(categories).collect();
+        let own = metadata.into_iter().map(|(key, text)| KeyValue::new(key.to_owned(), text));
+        let metadata: Vec<KeyValue> = embeds.then(|| hugging_face(IMAGE)).into_iter().chain(own).collect();
         let properties = WriterProperties::builder()
             .set_created_by(program.to_owned())
             .set_compression(Compression::SNAPPY)

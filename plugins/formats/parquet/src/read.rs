@@ -2,8 +2,8 @@
 
 use crate::bounds;
 use crate::record::{
-    self, CATEGORIES, CATEGORY, EXTENSION, HEIGHT, IMAGE, IMAGE_FILE, INSTANCE, INSTANCES, OWN, ParquetColumn, SCENE,
-    VIEW, VIEWS, WIDTH,
+    self, CATEGORIES, CATEGORY, EXTENSION, HEIGHT, IMAGE, IMAGE_FILE, INSTANCE, INSTANCES, OWN, PRODUCTS,
+    ParquetColumn, SCENE, VIEW, VIEWS, WIDTH,
 };
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
@@ -16,13 +16,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_formats::coco::Category;
 use syntable_formats::decode::{self, FileContent};
+use syntable_formats::known::KnownProducts;
 use syntable_formats::read::{self, Faults};
 use syntable_formats::samples::{self, Contents, Latest, SampleFields, SampleReader};
 use syntable_model::files::DatasetFolder;
 use syntable_model::limits::TABLE_BYTES;
 use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
-use syntable_model::product::linked;
 use syntable_model::product::standard::{CAMERA, CATEGORY_ID, RGB};
 use syntable_model::reader::{Format, Opened, Source};
 use syntable_model::rule;
@@ -94,11 +94,25 @@ impl TableReader {
         self.schema().get_fields().iter().map(|field| field.name().to_owned()).collect()
     }
 
+    /// A text in the metadata.
+    fn metadata(&self, key: &str) -> Option<&str> {
+        let pairs = self.reader.metadata().file_metadata().key_value_metadata()?;
+        pairs.iter().find(|pair| pair.key == key)?.value.as_deref()
+    }
+
     /// The categories in the metadata.
     fn categories(&self) -> Option<Vec<Category>> {
-        let pairs = self.reader.metadata().file_metadata().key_value_metadata()?;
-        let list = pairs.iter().find(|pair| pair.key == CATEGORIES)?.value.as_ref()?;
-        serde_json::from_str(list).ok()
+        serde_json::from_str(self.metadata(CATEGORIES)?).ok()
+    }
+
+    /// The products that the metadata declares, and those of linked crates; none without declarations.
+    ///
+    /// # Errors
+    /// If the declarations are faulty.
+    fn products(&self) -> Result<Option<KnownProducts>> {
+        let declared = |text: &str| KnownProducts::declared_in(text.as_bytes());
+        let known = self.metadata(PRODUCTS).map(declared).transpose();
+        known.map_err(|error| error.context("metadata `products`").in_file(&self.path))
     }
 
     /// Calls `each` with each row, reading the wanted columns only.
@@ -150,6 +164,7 @@ struct ParquetTables {
     /// Folder of the tables, to which image names are relative.
     folder: DatasetFolder,
     columns: BTreeSet<String>,
+    known: KnownProducts,
     /// The rows of the most recently read tables, by table and columns: a scene has many views.
     latest: Latest<(usize, BTreeSet<String>), TableRows>,
 }
@@ -192,16 +207,16 @@ fn open(source: &Source) -> Result<Opened> {
     let mut faulty = BTreeSet::new();
     // The categories of the first table that lists them. The names in rows cover only the categories of existing
     // objects.
-    let mut categories = None;
+    let (mut categories, mut known) = (None, None);
     // Rows of views contain lists of instances.
     let mut has_views = false;
     for (table, path) in paths.iter().enumerate() {
         // Collects all rows before using them, since a damaged table is omitted as a whole.
         let read = TableReader::open(path).and_then(|table| {
             let rows = table.rows(|name| OWN.contains(&name) || [CATEGORY, CATEGORY_ID.name()].contains(&name))?;
-            Ok((table.columns(), table.categories(), rows))
+            Ok((table.columns(), table.categories(), table.products()?, rows))
         });
-        let (own, listed, rows) = match read {
+        let (own, listed, declared, rows) = match read {
             Ok(read) => read,
             Err(error) => {
                 faults.lost(rule::READABLE, read::file_name(path), format!("{error}: nothing of the scene is read"));
@@ -211,6 +226,7 @@ fn open(source: &Source) -> Result<Opened> {
         // If a table lacks a column that another table has, the error is reported when the column is read.
         columns.extend(own);
         categories = categories.or(listed);
+        known = known.or(declared);
         has_views |= rows.iter().any(|row| matches!(row.get(INSTANCE), Some(Field::ListInternal(_)) | None));
         for row in &rows {
             let number = |name: &str| u32::try_from(row.get(name).and_then(integer)?).ok();
@@ -248,9 +264,11 @@ fn open(source: &Source) -> Result<Opened> {
         }
     }
     let image = |&(scene, view): &(u32, u32)| read::image((scene, view), format!("scene {scene}, view {view}"));
+    let known = known.unwrap_or_default();
     let contents = Contents {
         images: views.keys().map(image).collect(),
-        fields: products_of(&columns).into_keys().collect(),
+        fields: products_of(&columns, &known).into_keys().collect(),
+        known: known.clone(),
         faults,
         categories,
         named: names,
@@ -261,18 +279,18 @@ fn open(source: &Source) -> Result<Opened> {
     Ok(samples::open(
         read::name_of(root),
         contents,
-        Box::new(ParquetTables { places, paths, folder, columns, latest: Latest::default() }),
+        Box::new(ParquetTables { places, paths, folder, columns, known, latest: Latest::default() }),
     ))
 }
 
 /// The products that the columns represent, with the columns of each.
-fn products_of(columns: &BTreeSet<String>) -> BTreeMap<String, Vec<ParquetColumn>> {
-    let of = |key: KeyId| {
+fn products_of(columns: &BTreeSet<String>, known: &KnownProducts) -> BTreeMap<String, Vec<ParquetColumn>> {
+    let of = |key: &KeyId| {
         let own: Vec<ParquetColumn> =
-            record::columns(&key).into_iter().filter(|column| columns.contains(&column.name)).collect();
-        (!own.is_empty() && record::accept(&key).is_ok()).then(|| (key.to_string(), own))
+            record::columns(key).into_iter().filter(|column| columns.contains(&column.name)).collect();
+        (!own.is_empty() && record::accept(key).is_ok()).then(|| (key.to_string(), own))
     };
-    let mut products: BTreeMap<String, Vec<ParquetColumn>> = linked().into_iter().filter_map(of).collect();
+    let mut products: BTreeMap<String, Vec<ParquetColumn>> = known.iter().filter_map(of).collect();
     if columns.contains(IMAGE_FILE) || columns.contains(IMAGE) {
         products.insert(RGB.name().to_owned(), Vec::new());
     }
@@ -287,7 +305,7 @@ impl SampleReader for ParquetTables {
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<SampleFields> {
         let ((scene, view), table, size) = self.places[image];
         let path = &self.paths[table];
-        let mut products = products_of(&self.columns);
+        let mut products = products_of(&self.columns, &self.known);
         products.retain(|name, _| wanted.contains(name.as_str()));
         let has_image = products.remove(RGB.name()).is_some();
         let needed: BTreeSet<&str> = products.values().flatten().map(|column| column.name.as_str()).collect();
@@ -314,7 +332,7 @@ impl SampleReader for ParquetTables {
             if let Some(column) = columns.iter().find(|column| first.get(&column.name).is_none()) {
                 return Err(refuse(format!("it has no column `{}`, which others have", column.name)));
             }
-            let value = if samples::is_per_instance(&name) {
+            let value = if self.known.is_per_instance(&name) {
                 of_instances(&columns, &rows).map_err(|error| error.in_file(path))?
             } else {
                 let cells: Vec<Option<&Field>> = columns.iter().map(|column| first.get(&column.name)).collect();

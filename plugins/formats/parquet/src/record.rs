@@ -18,6 +18,8 @@ pub const INSTANCES: &str = "instances";
 pub const IMAGE_FOLDER: &str = "images";
 /// Key of the metadata with the categories of the dataset.
 pub const CATEGORIES: &str = "categories";
+/// Key of the metadata with the products that no linked crate defines.
+pub const PRODUCTS: &str = "products";
 
 /// Column of the scene's number.
 pub const SCENE: &str = "scene";

@@ -3,13 +3,14 @@
 use crate::file::ParquetTable;
 use crate::parquet::{Parquet, ParquetImages, ParquetRows};
 use crate::record::{
-    self, EXTENSION, IMAGE, IMAGE_BYTES, IMAGE_FILE, IMAGE_FOLDER, IMAGE_PATH, INSTANCE, OWN, ParquetColumn,
+    self, CATEGORIES, EXTENSION, IMAGE, IMAGE_BYTES, IMAGE_FILE, IMAGE_FOLDER, IMAGE_PATH, INSTANCE, OWN, PRODUCTS,
+    ParquetColumn,
 };
 use crate::shred::ColumnType;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_formats::encode::{scene_name, view_name};
 use syntable_formats::writer::ImageWriter;
-use syntable_formats::{coco, json};
+use syntable_formats::{coco, json, known};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
 use syntable_model::product::{Form, Scope};
@@ -54,9 +55,15 @@ impl ImageWriter for Parquet {
             self.push(&mut table, cx.scene_id.0, view, (&scene.keys, &of_scene))?;
         }
         let path = self.table_path(output.id(), &scene_name(cx.scene_id));
-        let categories = || json::text(&coco::categories(cx.dataset));
-        let categories = self.include.has_category_ids().then(categories).transpose()?;
-        table.write(output.create(&path)?, &path, &cx.dataset.program, categories)
+        let mut metadata = Vec::new();
+        if self.include.has_category_ids() {
+            metadata.push((CATEGORIES, json::text(&coco::categories(cx.dataset))?));
+        }
+        let keys: Vec<KeyId> = scene.keys.values().copied().collect();
+        if let Some(declared) = known::declared(&keys) {
+            metadata.push((PRODUCTS, json::text(&declared)?));
+        }
+        table.write(output.create(&path)?, &path, &cx.dataset.program, metadata)
     }
 
     fn paths(&self, of: &FileOf) -> Vec<String> {

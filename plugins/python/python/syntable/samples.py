@@ -138,7 +138,7 @@ class Sample:
         return self._made[product]
 
     def __contains__(self, product: str) -> bool:
-        return product in self.products
+        return isinstance(product, str) and self._raw.has(product)
 
     def __getattr__(self, product: str) -> Any:
         if product.startswith("_"):

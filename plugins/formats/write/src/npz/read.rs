@@ -6,12 +6,13 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use syntable_formats::encode::view_name;
 use syntable_formats::include;
+use syntable_formats::known::KnownProducts;
 use syntable_formats::npz_archive::{ARCHIVE, IDS, NpzArchive};
 use syntable_formats::read::{self, Faults, place_in_name};
 use syntable_formats::record_arrays;
 use syntable_formats::samples::{self, Contents, SampleFields, SampleReader};
 use syntable_model::prelude::*;
-use syntable_model::product::{Form, linked};
+use syntable_model::product::Form;
 use syntable_model::reader::{Format, Opened, Source};
 use syntable_model::scene::{SceneId, ViewId};
 
@@ -35,7 +36,10 @@ fn archives_of(folder: &Path) -> Vec<((u32, u32), PathBuf)> {
 type NpzFile = NpzArchive<BufReader<File>>;
 
 /// The archives of the views.
-struct Archives(Vec<PathBuf>);
+struct Archives {
+    paths: Vec<PathBuf>,
+    known: KnownProducts,
+}
 
 fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
@@ -51,32 +55,32 @@ fn open(source: &Source) -> Result<Opened> {
     let image = |&(scene, view): &(u32, u32)| read::image((scene, view), view_name(SceneId(scene), ViewId(view)));
     let images = all.keys().map(image).collect();
     let paths: Vec<PathBuf> = all.into_values().collect();
+    let known = KnownProducts::of(&folder)?;
     // If an archive lacks an array that another archive has, the error is reported when the array is read.
     let fields = paths
         .iter()
         .filter_map(|path| NpzArchive::open(path).ok())
         .flat_map(|archive| archive.names())
-        .map(|array| record_arrays::product_of(&array))
+        .map(|array| record_arrays::product_of(&array, &known))
         .collect();
-    let contents =
-        Contents { images, fields, faults, categories: include::categories_in(&folder)?, ..Contents::default() };
-    Ok(samples::open(read::name_of(root), contents, Box::new(Archives(paths))))
+    let (categories, archives) = (include::categories_in(&folder)?, Archives { paths, known: known.clone() });
+    let contents = Contents { images, fields, known, faults, categories, ..Contents::default() };
+    Ok(samples::open(read::name_of(root), contents, Box::new(archives)))
 }
 
 impl SampleReader for Archives {
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<SampleFields> {
-        let mut archive = NpzArchive::open(&self.0[image])?;
+        let mut archive = NpzArchive::open(&self.paths[image])?;
         let mut products: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
         for array in archive.names() {
-            let product = record_arrays::product_of(&array);
+            let product = record_arrays::product_of(&array, &self.known);
             if wanted.contains(product.as_str()) {
                 products.entry(product).or_default().insert(array);
             }
         }
-        let keys = linked();
         // Records of no instances, and lists without records, have no arrays.
         let has_no_ids = archive.ids()?.is_some_and(|ids| ids.is_empty());
-        for key in keys.iter().filter(|key| record_arrays::may_be_absent(key, has_no_ids)) {
+        for key in self.known.iter().filter(|key| record_arrays::may_be_absent(key, has_no_ids)) {
             let name = key.to_string();
             if wanted.contains(name.as_str()) {
                 products.entry(name).or_default();
@@ -84,9 +88,9 @@ impl SampleReader for Archives {
         }
         let mut fields = SampleFields::new();
         for (product, names) in products {
-            let key = keys.iter().find(|key| key.is(&product));
+            let key = self.known.named(&product);
             let value = match key.filter(|key| record_arrays::is_of_arrays(key)) {
-                None => numbers(&mut archive, &product)?,
+                None => numbers(&mut archive, &product, self.known.is_per_instance(&product))?,
                 Some(key) => record(&mut archive, &product, key, names)?,
             };
             fields.insert(product, value);
@@ -96,10 +100,10 @@ impl SampleReader for Archives {
 }
 
 /// The value of a product of numbers.
-fn numbers(archive: &mut NpzFile, product: &str) -> Result<Value> {
+fn numbers(archive: &mut NpzFile, product: &str, is_per_instance: bool) -> Result<Value> {
     let content = archive.array(product)?;
     let array = content.npy()?;
-    if !samples::is_per_instance(product) {
+    if !is_per_instance {
         return Ok(Value::Tensor(array));
     }
     samples::instances(&array, &archive.array(IDS)?.npy()?).map_err(|reason| content.refuse(reason))

@@ -7,11 +7,11 @@ use syntable_formats::decode::FileContent;
 use syntable_formats::encode::kind::ValueKind;
 use syntable_formats::encode::{exr, view_name};
 use syntable_formats::include;
+use syntable_formats::known::KnownProducts;
 use syntable_formats::members::{self, TarMember};
 use syntable_formats::read::{self, Faults};
 use syntable_formats::samples::{self, Contents, SampleFields, SampleReader};
 use syntable_model::prelude::*;
-use syntable_model::product::linked;
 use syntable_model::product::standard::RGB;
 use syntable_model::reader::{Format, Opened, Source};
 use syntable_model::scene::{SceneId, ViewId};
@@ -41,7 +41,10 @@ fn shards_of(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// The fields of each sample.
-struct Shards(Vec<BTreeMap<String, TarMember>>);
+struct Shards {
+    samples: Vec<BTreeMap<String, TarMember>>,
+    known: KnownProducts,
+}
 
 fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
@@ -58,28 +61,31 @@ fn open(source: &Source) -> Result<Opened> {
     let images = all.keys().map(image).collect();
     let product_of = |field: &String| field.split('.').next().unwrap_or_default().to_owned();
     let fields = all.values().flat_map(|sample| sample.fields.keys().map(product_of)).collect();
-    let samples = all.into_values().map(|sample| sample.fields).collect();
-    let categories = include::categories_in(&folder)?;
-    let contents = Contents { images, fields, faults, categories, ..Contents::default() };
-    Ok(samples::open(read::name_of(root), contents, Box::new(Shards(samples))))
+    let (categories, known) = (include::categories_in(&folder)?, KnownProducts::of(&folder)?);
+    let shards = Shards { samples: all.into_values().map(|sample| sample.fields).collect(), known: known.clone() };
+    let contents = Contents { images, fields, known, faults, categories, ..Contents::default() };
+    Ok(samples::open(read::name_of(root), contents, Box::new(shards)))
 }
 
 impl SampleReader for Shards {
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<SampleFields> {
         // The members of each product, by the suffix after the product's name.
         let mut products: BTreeMap<&str, BTreeMap<&str, &TarMember>> = BTreeMap::new();
-        for (field, member) in &self.0[image] {
+        for (field, member) in &self.samples[image] {
             let (product, end) = field.split_once('.').unwrap_or((field, ""));
             if wanted.contains(product) {
                 products.entry(product).or_default().insert(end, member);
             }
         }
-        products.into_iter().map(|(product, parts)| Ok((product.to_owned(), value_of(product, &parts)?))).collect()
+        let value = |(product, parts): (&str, BTreeMap<_, _>)| {
+            Ok((product.to_owned(), value_of(product, &parts, &self.known)?))
+        };
+        products.into_iter().map(value).collect()
     }
 }
 
 /// The value of a field.
-fn value_of(product: &str, parts: &BTreeMap<&str, &TarMember>) -> Result<Value> {
+fn value_of(product: &str, parts: &BTreeMap<&str, &TarMember>, known: &KnownProducts) -> Result<Value> {
     let Some((end, member)) = parts.iter().find(|(end, _)| **end != IDS) else {
         return Err(Error::new(format!("its field `{product}` has ids alone")));
     };
@@ -95,7 +101,7 @@ fn value_of(product: &str, parts: &BTreeMap<&str, &TarMember>) -> Result<Value> 
             }
         },
         JSON => content.json(),
-        EXR => exr_of(product, &content),
+        EXR => exr_of(product, &content, known),
         _ => Err(content
             .refuse(format!("fields do not end with `.{end}`"))
             .help("write .png, .npy, .exr or .json after the name of the product")),
@@ -103,9 +109,8 @@ fn value_of(product: &str, parts: &BTreeMap<&str, &TarMember>) -> Result<Value> 
 }
 
 /// A float image whose channel names depend on its kind.
-fn exr_of(product: &str, content: &FileContent) -> Result<Value> {
-    let key = linked().into_iter().find(|key| key.is(product));
-    let coding = key.and_then(|key| exr::ExrCoding::of(&ValueKind::of_key(&key)).ok());
+fn exr_of(product: &str, content: &FileContent, known: &KnownProducts) -> Result<Value> {
+    let coding = known.named(product).and_then(|key| exr::ExrCoding::of(&ValueKind::of_key(key)).ok());
     let coding = coding.ok_or_else(|| content.refuse(format!("`{product}` is no product of a float image")))?;
     let decoded = content.guarded("the library that decodes EXR", || coding.decode(content.bytes()));
     decoded.map(Value::Tensor).map_err(|error| content.located(error))

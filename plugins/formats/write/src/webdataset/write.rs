@@ -29,12 +29,12 @@ impl Writer for Webdataset {
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
         Ok(match (of.scene, of.view) {
             (Some(scene), None) => vec![shard_path(of.id, &scene_name(scene))],
-            _ => self.include.categories_path(of).into_iter().collect(),
+            _ => self.include.list_paths(of),
         })
     }
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        self.include.write_categories(cx.dataset, finish)
+        self.include.write_lists(cx.dataset, finish)
     }
 }
 

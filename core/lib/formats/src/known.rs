@@ -1,0 +1,75 @@
+//! The products that a dataset may hold: the products of linked crates, and those that the dataset declares.
+
+use crate::decode::FileContent;
+use crate::json;
+use std::collections::BTreeMap;
+use syntable_model::error::Result;
+use syntable_model::files::DatasetFolder;
+use syntable_model::product::{DeclaredProduct, Form, KeyId, linked};
+
+/// The file of the products that a dataset declares, next to their values: a [`DeclaredProduct`] by name.
+pub const PRODUCTS: &str = "products.json";
+
+/// Keys of products by name.
+#[derive(Debug, Clone)]
+pub struct KnownProducts(Vec<KeyId>);
+
+impl Default for KnownProducts {
+    fn default() -> Self {
+        Self(linked())
+    }
+}
+
+impl KnownProducts {
+    /// The products of linked crates, and those in the folder's [file of products](PRODUCTS) if it exists.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or contradicts a linked crate.
+    pub fn of(folder: &DatasetFolder) -> Result<Self> {
+        let path = folder.file(PRODUCTS)?;
+        if !path.is_file() {
+            return Ok(Self::default());
+        }
+        let content = FileContent::read(&path)?;
+        Self::declared_in(content.bytes()).map_err(|error| error.in_file(&path).of_request())
+    }
+
+    /// The products of linked crates, and those that a JSON text declares.
+    ///
+    /// # Errors
+    /// If the text is not JSON of this form, or contradicts a linked crate.
+    pub fn declared_in(text: &[u8]) -> Result<Self> {
+        let declared: BTreeMap<String, DeclaredProduct> =
+            serde_json::from_slice(text).map_err(|error| json::located(&error, None, text))?;
+        let mut all = Self::default();
+        for (name, product) in declared {
+            let key = product.key(&name)?;
+            if all.named(&name).is_none() {
+                all.0.push(key);
+            }
+        }
+        Ok(all)
+    }
+
+    /// The key of a product.
+    pub fn named(&self, product: &str) -> Option<&KeyId> {
+        self.0.iter().find(|key| key.is(product))
+    }
+
+    /// Whether a product has a value for each instance.
+    pub fn is_per_instance(&self, product: &str) -> bool {
+        self.named(product).is_some_and(|key| matches!(key.form(), Form::PerInstance(_)))
+    }
+
+    /// The keys.
+    pub fn iter(&self) -> impl Iterator<Item = &KeyId> {
+        self.0.iter()
+    }
+}
+
+/// The declarations of the products that no linked crate defines; none without such products.
+pub fn declared(keys: &[KeyId]) -> Option<BTreeMap<&'static str, DeclaredProduct>> {
+    let of = |key: &KeyId| Some((key.product, DeclaredProduct::of(key)?));
+    let declared: BTreeMap<&str, DeclaredProduct> = keys.iter().filter_map(of).collect();
+    Some(declared).filter(|declared| !declared.is_empty())
+}
