@@ -149,6 +149,14 @@ impl Dataset {
         Ok(keys.iter().map(ToString::to_string).collect())
     }
 
+    /// Parts that the reader could not read, and left out, with reasons.
+    #[getter]
+    fn left_out(&self) -> Vec<String> {
+        let first = &self.dataset.first;
+        let lost = first.faults.iter().filter(|fault| fault.is_lost);
+        lost.map(|fault| fault.place_and_text(&first.images).join(": ")).collect()
+    }
+
     /// Categories: ids and names.
     #[getter]
     fn categories(&self) -> Vec<(u32, String)> {

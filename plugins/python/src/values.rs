@@ -65,8 +65,18 @@ pub fn array<'py>(py: Python<'py>, tensor: Tensor) -> PyResult<Bound<'py, PyAny>
 /// # Errors
 /// If an object has no such value. The message names its place.
 pub fn of_python(object: &Bound<'_, PyAny>) -> PyResult<Value> {
+    of_part(object, 0)
+}
+
+/// How deep the parts of a value may be nested. Deeper values, and values that contain themselves, would exhaust the stack.
+const DEPTH: usize = 100;
+
+/// A part of a value, in as many others as `depth`.
+fn of_part(object: &Bound<'_, PyAny>, depth: usize) -> PyResult<Value> {
     let py = object.py();
-    if object.is_none() {
+    if depth > DEPTH {
+        Err(PyTypeError::new_err(format!("it is nested more than {DEPTH} deep; does it contain itself?")))
+    } else if object.is_none() {
         Ok(Value::Null)
     } else if let Ok(value) = object.cast::<PyBool>() {
         Ok(Value::Bool(value.is_true()))
@@ -81,11 +91,11 @@ pub fn of_python(object: &Bound<'_, PyAny>) -> PyResult<Value> {
     } else if let Ok(mask) = object.cast::<Mask>() {
         Ok(Value::Mask(mask.get().0.clone()))
     } else if let Ok(dict) = object.cast::<PyDict>() {
-        of_dict(dict)
+        of_dict(dict, depth + 1)
     } else if object.is_instance_of::<PyList>() || object.is_instance_of::<PyTuple>() {
         let mut values = Vec::new();
         for (index, value) in object.try_iter()?.enumerate() {
-            values.push(of_python(&value?).map_err(|error| inside(py, &error, &format!("element {index}")))?);
+            values.push(of_part(&value?, depth + 1).map_err(|error| inside(py, &error, &format!("element {index}")))?);
         }
         Ok(Value::List(values))
     } else if object.hasattr("__array__")? {
@@ -118,13 +128,13 @@ fn integer(object: &Bound<'_, PyAny>) -> PyResult<Value> {
 }
 
 /// A dict whose keys are ids of instances, or else names of fields.
-fn of_dict(dict: &Bound<'_, PyDict>) -> PyResult<Value> {
+fn of_dict(dict: &Bound<'_, PyDict>, depth: usize) -> PyResult<Value> {
     let py = dict.py();
     let is_number = |key: &Bound<'_, PyAny>| key.is_instance_of::<PyInt>() || key.hasattr("__index__").unwrap_or(false);
     let is_per_instance = !dict.is_empty() && dict.keys().iter().all(|key| is_number(&key));
     let (mut each, mut fields) = (BTreeMap::new(), Vec::new());
     for (key, value) in dict {
-        let value = of_python(&value).map_err(|error| inside(py, &error, &format!("key {key}")))?;
+        let value = of_part(&value, depth).map_err(|error| inside(py, &error, &format!("key {key}")))?;
         if is_per_instance {
             let id = key.extract::<u16>().ok().filter(|id| *id > 0);
             let id =

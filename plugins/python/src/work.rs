@@ -1,7 +1,7 @@
 //! Work of the library on another thread, while the calling thread shows its progress and handles signals.
 
 use crate::errors::{exception, with_arguments};
-use crate::stages::Interrupts;
+use crate::stages::{Interrupts, are_abandoned, give_up};
 use crate::values;
 use parking_lot::Mutex;
 use pyo3::prelude::*;
@@ -44,8 +44,9 @@ pub fn is_forked() -> bool {
 }
 
 /// Ends work whose threads may need Python's lock to end: waits for them without it. Interrupts stages in Python that they run: at
-/// once if the user has interrupted the work, or else after a moment. Returns the exception of a signal.
-pub fn end<T: Send>(work: T, is_interrupted: bool) -> Option<PyErr> {
+/// once if the user has interrupted the work, or else after a moment. Returns the exception of a signal. After a second signal or a
+/// few seconds, nothing waits for stages any longer: one may be in a call that no exception reaches, and its thread is left alone.
+pub fn end<T: Send + 'static>(work: T, is_interrupted: bool) -> Option<PyErr> {
     let mut work = Some(work);
     let waited = if is_forked() { None } else { Python::try_attach(|py| wait(py, work.take(), is_interrupted)) };
     // Otherwise the threads are in another process, or Python is gone, and with it all that waits for them.
@@ -53,19 +54,23 @@ pub fn end<T: Send>(work: T, is_interrupted: bool) -> Option<PyErr> {
     waited.flatten()
 }
 
-fn wait<T: Send>(py: Python<'_>, work: Option<T>, is_interrupted: bool) -> Option<PyErr> {
+fn wait<T: Send + 'static>(py: Python<'_>, work: Option<T>, is_interrupted: bool) -> Option<PyErr> {
     const POLL: Duration = Duration::from_millis(5);
     let (mut interrupts, mut raised, start) = (Interrupts::default(), None, Instant::now());
-    thread::scope(|threads| {
-        let ended = threads.spawn(|| drop(work));
-        while !ended.is_finished() {
-            if is_interrupted || raised.is_some() || start.elapsed() > Interrupts::GRACE {
-                interrupts.next(py);
-            }
-            py.detach(|| thread::sleep(POLL));
-            raised = raised.take().or_else(|| py.check_signals().err());
+    let ended = thread::spawn(move || drop(work));
+    while !ended.is_finished() && !are_abandoned(start) {
+        if is_interrupted || raised.is_some() || start.elapsed() > Interrupts::GRACE {
+            interrupts.next(py);
         }
-    });
+        py.detach(|| thread::sleep(POLL));
+        if let Err(signal) = py.check_signals() {
+            if is_interrupted || raised.is_some() {
+                give_up();
+                return Some(signal);
+            }
+            raised = Some(signal);
+        }
+    }
     raised
 }
 
@@ -116,44 +121,46 @@ pub fn show(py: Python<'_>, progress: Option<&Py<PyAny>>, event: &Event) -> PyRe
 }
 
 /// Does work on another thread. The calling thread passes events to `progress`, and handles signals. A signal whose handler
-/// raises (Ctrl-C), or an exception of `progress` asks the work to stop; when it has ended, the exception is raised.
+/// raises (Ctrl-C), or an exception of `progress` asks the work to stop; when it has ended, the exception is raised. A second one
+/// is raised at once, and the thread is left alone: a stage in Python may be in a call that no exception reaches.
 ///
 /// # Errors
 /// The exception of a signal or of `progress`, or else the error of the work.
-pub fn wait_for<T: Send>(
+pub fn wait_for<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
-    work: impl FnOnce(&EventSender, &Stop) -> Result<T> + Send,
+    work: impl FnOnce(&EventSender, &Stop) -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
     check_process(py)?;
-    let stop = Stop::default();
-    let (sender, events) = events();
-    thread::scope(|threads| {
-        let asked = stop.clone();
-        // The sender ends with the work, so that the events end.
-        let worker = threads.spawn(move || work(&sender, &asked));
-        let (mut raised, mut interrupts) = (None, Interrupts::default());
-        loop {
-            let event = py.detach(|| events.next());
-            let shown = match event {
-                Ok(event) => show(py, progress.filter(|_| raised.is_none()), &event),
-                Err(RecvTimeoutError::Timeout) => Ok(()),
-                Err(RecvTimeoutError::Disconnected) => break,
-            };
-            if let Err(error) = shown.and_then(|()| py.check_signals()) {
-                stop.cancel();
-                raised.get_or_insert(error);
-            }
+    let (stop, (sender, events)) = (Stop::default(), events());
+    let asked = stop.clone();
+    // The sender ends with the work, so that the events end.
+    let worker = thread::spawn(move || work(&sender, &asked));
+    let (mut raised, mut interrupts) = (None, Interrupts::default());
+    loop {
+        let event = py.detach(|| events.next());
+        let shown = match event {
+            Ok(event) => show(py, progress.filter(|_| raised.is_none()), &event),
+            Err(RecvTimeoutError::Timeout) => Ok(()),
+            Err(RecvTimeoutError::Disconnected) => break,
+        };
+        if let Err(error) = shown.and_then(|()| py.check_signals()) {
+            stop.cancel();
             if raised.is_some() {
-                interrupts.next(py);
+                give_up();
+                return Err(error);
             }
+            raised = Some(error);
         }
-        let done = py.detach(|| worker.join());
-        match (raised, done) {
-            (Some(error), _) => Err(error),
-            (None, Ok(Ok(made))) => Ok(made),
-            (None, Ok(Err(error))) => Err(exception(py, &error)),
-            (None, Err(_)) => Err(exception(py, &Error::new("a thread of the library panicked"))),
+        if raised.is_some() {
+            interrupts.next(py);
         }
-    })
+    }
+    let done = py.detach(|| worker.join());
+    match (raised, done) {
+        (Some(error), _) => Err(error),
+        (None, Ok(Ok(made))) => Ok(made),
+        (None, Ok(Err(error))) => Err(exception(py, &error)),
+        (None, Err(_)) => Err(exception(py, &Error::new("a thread of the library panicked"))),
+    }
 }

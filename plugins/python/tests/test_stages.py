@@ -346,7 +346,26 @@ def test_a_dataclass_can_refuse_its_options():
 # --- mistakes
 
 
+def endless():
+    tree = {"name": "root"}
+    tree["children"] = [{"parent": tree}]
+    return tree
+
+
+def nested(levels):
+    value = []
+    for _ in range(levels):
+        value = [value]
+    return value
+
+
 MISTAKES = [
+    (dict, lambda view: endless(), "nested more than 64 deep; does it contain itself"),
+    (list, lambda view: nested(100_000), "nested more than 64 deep"),
+    (st.PerObject(dict), lambda view: {1: endless()}, "object 1: its parts are nested more than 64 deep"),
+    (int, lambda view: 2**63, "an int has 64 bits; found 9223372036854775808"),
+    (dict, lambda view: {"a": [2**70]}, "an int has 64 bits"),
+    (st.PerObject(str), lambda view: {1: "\ud800"}, "object 1: a text is valid Unicode; found '\\ud800'"),
     (float, lambda view: "x", "float is expected; found 'x', a str"),
     (float, lambda view: None, "does the function return its result"),
     (float, lambda view: np.zeros(2), "float is expected; found an array of float64 with shape (2,)"),
@@ -540,6 +559,80 @@ def test_the_version_of_a_module_is_recorded(monkeypatch):
     assert f'{__name__} = "7"' in str(recipe)
 
 
+CONTINUED = """
+import syntable as st
+
+@st.annotator(reads=["depth"], provides={"test_continued": float})
+def test_continued(view):
+    return float(view.depth.RULE())
+"""
+
+
+def test_changed_code_does_not_continue_a_dataset(tmp_path):
+    plugin, recipe = tmp_path / "my_rules.py", tmp_path / "recipe.toml"
+    recipe.write_text(str(small(write={"jsonl": {"include": ["camera"]}})))
+
+    def run(rule, scenes):
+        plugin.write_text(CONTINUED.replace("RULE", rule))
+        write = 'write.jsonl.include=["test_continued"]'
+        settings = ["--set", write, "--set", f"dataset.scenes={scenes}", "--out", tmp_path / "data"]
+        command = [sys.executable, "-m", "syntable", "--plugin", plugin, "run", recipe, *settings]
+        return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+    assert run("min", 1).returncode == 0
+    changed = run("max", 2)
+    assert changed.returncode == 2 and "my_rules.test_continued" in changed.stderr, changed.stderr
+    same = run("min", 2)
+    assert same.returncode == 0, same.stderr
+
+
+BLOCKED = """
+import os, signal, sys, threading, time
+import syntable as st
+
+def interrupts():
+    begun.wait()
+    for _ in range(2):
+        time.sleep(0.5)
+        os.kill(os.getpid(), signal.SIGINT)
+
+begun = threading.Event()
+
+@st.annotator(reads=[], provides={"test_blocked": float})
+def test_blocked(view):
+    begun.set()
+    time.sleep(100)
+    return 0.0
+
+def main():
+    recipe = st.recipe("quickstart").set({"camera.resolution": [64, 48], "render.samples_per_pixel": 1})
+    threading.Thread(target=interrupts, daemon=True).start()
+    try:
+        WORK
+    except KeyboardInterrupt:
+        print("interrupted", flush=True)
+
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    "work",
+    [
+        'list(st.generate(recipe, ["test_blocked"]))',
+        'st.run(recipe.set("write", {"jsonl": {"include": ["test_blocked"]}}), sys.argv[1])',
+        'st.Views(recipe, ["test_blocked"])[0]',
+    ],
+)
+def test_two_interrupts_end_a_blocked_stage(work, tmp_path):
+    script = tmp_path / "blocked.py"
+    script.write_text(BLOCKED.replace("WORK", work))
+    start = time.monotonic()
+    ended = subprocess.run([sys.executable, script, tmp_path / "data"], capture_output=True, text=True, timeout=60)
+    assert "interrupted" in ended.stdout, ended.stderr
+    assert ended.returncode >= 0 and time.monotonic() - start < 30
+
+
 @pytest.mark.parametrize("lasts", ["time.sleep(0.05)", "while view.scene > 0: pass"])
 def test_python_ends_while_a_stage_runs(lasts, tmp_path):
     script = tmp_path / "ends.py"
@@ -696,6 +789,21 @@ def test_a_placer_and_a_source_of_assets():
     assert reds[0] > 2 * reds[1]
     with pytest.raises(st.RecipeError, match="tens"):
         recipe.set("place[2].pool", "tens").check()
+
+
+def test_a_scene_that_fails_is_a_warning(tmp_path):
+    @st.annotator(reads=[], provides={"test_luckless": float})
+    def test_luckless(view):
+        if view.scene == 0:
+            raise st.Unlucky("no luck here")
+        return 1.0
+
+    recipe = small(dataset__scenes=2)
+    with pytest.warns(st.SyntableWarning, match=r"scene 0 failed: (?s:.*)no luck here"):
+        assert [it.scene for it in st.generate(recipe, ["test_luckless"])] == [1, 1]
+    with pytest.warns(st.SyntableWarning, match=r"scene 0 failed: (?s:.*)no luck here"):
+        outcome = st.run(recipe.set("write", {"jsonl": {"include": ["test_luckless"]}}), tmp_path / "data")
+    assert outcome.failed == 1 and not outcome
 
 
 def test_an_unlucky_placer_is_tried_again():
@@ -889,7 +997,7 @@ def test_the_example_runs_from_the_command(tmp_path):
 
 def test_verbs_know_plugins():
     listed = command("list", "darkness", "--plugin", EXAMPLE)
-    assert listed.returncode == 0 and "annotate.darkness (my_stages " in listed.stdout
+    assert listed.returncode == 0 and "annotate.darkness (my_stages.darkness " in listed.stdout
     for text in [
         "Share of dark pixels of each visible object",
         "threshold",

@@ -95,3 +95,24 @@ def test_a_preview_is_an_array(small):
     assert sheet.image.dtype == np.uint8 and sheet.image.ndim == 3 and sheet.failed == 0
     assert wide.image.shape[1] > sheet.image.shape[1] and sheet.image.flags["W"]
     assert sheet._repr_png_().startswith(b"\x89PNG") and np.asarray(sheet).shape == sheet.image.shape
+
+
+def test_what_cannot_be_read_is_a_warning(data, tmp_path):
+    st.convert(data, tmp_path / "lines", "jsonl", jsonl={"include": ["camera", "visible_mask"]})
+    lines = next((tmp_path / "lines").rglob("*.jsonl"))
+    lines.write_bytes(lines.read_bytes()[:-40])
+    with pytest.warns(st.SyntableWarning, match="left out: line 6: .*the line is not read"):
+        opened = st.open(lines)
+    assert len(opened) == 5 and len(opened.left_out) == 1
+    with pytest.warns(st.SyntableWarning, match="left out: .*the line is not read"):
+        found = st.stats(lines)
+    assert found.left_out
+
+    shutil.copytree(data, tmp_path / "damaged")
+    image = tmp_path / "damaged/data/rgb/0_1.png"
+    image.write_bytes(image.read_bytes()[:200])
+    opened = st.open(tmp_path / "damaged")
+    assert opened.left_out == []
+    with pytest.warns(st.SyntableWarning, match=r"left out: .*rgb/0_1\.png"):
+        coco = opened.to_coco(tmp_path / "coco")
+    assert len(coco) == 5

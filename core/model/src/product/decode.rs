@@ -28,7 +28,7 @@ impl<'a> Stored<'a> {
     }
 
     /// The value in a form: nested lists become an array if the product is an array, and arrays become numbers or lists
-    /// if it is one of these. None for a value of another form, as far as the form tells.
+    /// if it is one of these. None for a value of another form, where the form tells.
     pub(super) fn of_form(self, form: &Form) -> Option<Cow<'a, Value>> {
         match (form, self.value) {
             (Form::Tensor(dtype), Value::List(_)) => {

@@ -117,7 +117,7 @@ impl Plan {
         self.entries.iter().map(|entry| entry.key).find(is_meant)
     }
 
-    /// The products that inputs of a stage stand for.
+    /// The products that the inputs of a stage name.
     pub fn read_by(&self, inputs: &[Input]) -> Vec<KeyId> {
         inputs.iter().filter_map(|input| self.named(&input.product)).collect()
     }

@@ -105,7 +105,7 @@ impl TableReader {
         serde_json::from_str(self.metadata(CATEGORIES)?).ok()
     }
 
-    /// The products that the metadata declares, and those of linked crates; none without declarations.
+    /// The products of linked crates, and the products that the metadata declares; none without declarations.
     ///
     /// # Errors
     /// If the declarations are faulty.

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, overload
 
 from . import _arguments, _syntable
+from .progress import warn_left_out
 from .samples import Sample
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ class Dataset(Sequence[Sample]):
             bool(trust_paths),
         )
         self._raw = _syntable.Dataset(*self._named)
+        warn_left_out(self.left_out)
 
     @property
     def path(self) -> str:
@@ -52,6 +54,11 @@ class Dataset(Sequence[Sample]):
     def name(self) -> str:
         """Its name."""
         return self._raw.name
+
+    @property
+    def left_out(self) -> list[str]:
+        """The parts that could not be read, with reasons: images of a damaged file. Opening warns of them."""
+        return self._raw.left_out
 
     @property
     def products(self) -> list[str]:

@@ -43,10 +43,16 @@ def _in_notebook() -> bool:
 
 
 def _warn(event: Event) -> None:
-    """Passes warnings and errors on, and nothing else."""
+    """Passes warnings, errors and failed scenes on, and nothing else."""
     if event["event"] == "message":
-        text = event.get("rendered") or _text(event)
-        warnings.warn(text.rstrip(), SyntableWarning, stacklevel=_outside())
+        warn(event.get("rendered") or _text(event))
+    elif event["event"] == "attempt" and event["last"]:
+        warn(f"scene {event['scene']} failed: {event['error']}")
+
+
+def warn(text: str) -> None:
+    """Warns the caller of the package."""
+    warnings.warn(text.rstrip(), SyntableWarning, stacklevel=_outside())
 
 
 def _text(event: Event) -> str:
@@ -61,6 +67,17 @@ def _outside() -> int:
     while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] == __package__.split(".")[0]:
         frame, level = frame.f_back, level + 1
     return level
+
+
+#: Parts that one warning names.
+_NAMED = 3
+
+
+def warn_left_out(texts: list[str]) -> None:
+    """Warns the caller of the package that data are left out, if any are."""
+    if texts:
+        more = f"; {len(texts) - _NAMED} more are in `left_out`" if len(texts) > _NAMED else ""
+        warn(f"left out: {'; '.join(texts[:_NAMED])}{more}")
 
 
 class _Line:
@@ -84,7 +101,7 @@ class _Line:
             self.made, self.step = self.made + 1, ""
         elif kind == "working":
             self.step = event["step"]
-        elif kind == "message":
+        elif kind in ("message", "attempt"):
             self._clear()
             _warn(event)
         elif kind == "note":

@@ -15,11 +15,13 @@ struct Calls {
     running: usize,
     /// Whether Python is about to end.
     are_over: bool,
+    /// Whether the user has interrupted the running calls twice.
+    are_given_up: bool,
     /// The process whose threads make the calls; 0 before the first call.
     process: u32,
 }
 
-static CALLS: Mutex<Calls> = Mutex::new(Calls { running: 0, are_over: false, process: 0 });
+static CALLS: Mutex<Calls> = Mutex::new(Calls { running: 0, are_over: false, are_given_up: false, process: 0 });
 static ENDED: Condvar = Condvar::new();
 
 /// A call that is counted until it is dropped.
@@ -43,6 +45,7 @@ impl Drop for Call {
     fn drop(&mut self) {
         let mut calls = CALLS.lock();
         calls.running = calls.running.saturating_sub(1);
+        calls.are_given_up &= calls.running > 0;
         ENDED.notify_all();
     }
 }
@@ -58,8 +61,23 @@ pub fn with_python<T>(work: impl FnOnce(Python<'_>) -> PyResult<T>) -> Result<T>
     done.unwrap_or_else(|| Err(over()))
 }
 
+/// Gives up the running calls after a second Ctrl-C: nothing waits for them, not even the end of Python.
+pub fn give_up() {
+    let mut calls = CALLS.lock();
+    calls.are_given_up = calls.running > 0;
+}
+
+/// Whether calls run that nothing waits for: Python ends, they are given up, or they have been asked to end for
+/// [`Interrupts::LIMIT`].
+pub fn are_abandoned(asked: Instant) -> bool {
+    let calls = CALLS.lock();
+    let are_running = calls.running > 0 && calls.process == process::id();
+    are_running && (calls.are_over || calls.are_given_up || asked.elapsed() > Interrupts::LIMIT)
+}
+
 /// Ends all calls before Python ends: waits for running ones, interrupts them after Ctrl-C or a few seconds, and refuses later
-/// ones.
+/// ones. A call that does not end within [`Interrupts::LIMIT`], or before a second Ctrl-C, is left alone: it is in a call of its
+/// own that no exception reaches, such as `time.sleep`.
 #[pyfunction]
 pub fn end_calls(py: Python<'_>) -> PyResult<()> {
     const POLL: Duration = Duration::from_millis(50);
@@ -68,7 +86,7 @@ pub fn end_calls(py: Python<'_>) -> PyResult<()> {
         let is_done = py.detach(|| {
             let mut calls = CALLS.lock();
             calls.are_over = true;
-            let is_idle = |calls: &Calls| calls.running == 0 || calls.process != process::id();
+            let is_idle = |calls: &Calls| calls.running == 0 || calls.are_given_up || calls.process != process::id();
             if !is_idle(&calls) {
                 ENDED.wait_for(&mut calls, POLL);
             }
@@ -77,7 +95,15 @@ pub fn end_calls(py: Python<'_>) -> PyResult<()> {
         if is_done {
             return raised.map_or(Ok(()), Err);
         }
-        raised = raised.or_else(|| py.check_signals().err());
+        if let Err(signal) = py.check_signals() {
+            if raised.is_some() {
+                return Err(signal);
+            }
+            raised = Some(signal);
+        }
+        if start.elapsed() > Interrupts::LIMIT {
+            return raised.map_or(Ok(()), Err);
+        }
         if raised.is_some() || start.elapsed() > Interrupts::GRACE {
             interrupts.next(py);
         }
@@ -91,6 +117,9 @@ pub struct Interrupts(Option<Instant>);
 impl Interrupts {
     /// Time for functions to end when nothing needs their results.
     pub const GRACE: Duration = Duration::from_secs(2);
+
+    /// Time after which nothing waits for functions any longer.
+    const LIMIT: Duration = Duration::from_secs(6);
 
     /// Time for a function to end, and for a call that was about to begin.
     const INTERVAL: Duration = Duration::from_secs(1);

@@ -15,7 +15,7 @@ mod writer;
 
 pub use annotator::{add_annotator, add_sensor};
 pub use asset_source::add_asset_source;
-pub use call::{Interrupts, end_calls};
+pub use call::{Interrupts, are_abandoned, end_calls, give_up};
 pub use light::add_light;
 pub use placer::{SceneAssets, add_placer};
 pub use writer::{FinishedDataset, SceneOutput, add_writer};

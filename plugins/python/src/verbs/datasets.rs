@@ -1,6 +1,6 @@
 //! Verbs that read datasets.
 
-use super::{Named, json, left_out, on_images, source, threads_or_all};
+use super::{Named, json, on_images, source, threads_or_all, warned};
 use crate::registry::registry;
 use crate::work::wait_for;
 use pyo3::exceptions::PyValueError;
@@ -27,7 +27,7 @@ pub fn convert<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let registry = registry(py)?;
     let (path, format, image_folder, trust_paths) = dataset;
-    let conversion = wait_for(py, progress.as_ref(), |sender, stop| {
+    let conversion = wait_for(py, progress.as_ref(), move |sender, stop| {
         let options = ConvertOptions {
             format,
             image_folder,
@@ -44,7 +44,7 @@ pub fn convert<'py>(
     result.set_item("format", conversion.format)?;
     result.set_item("images", conversion.converted.images)?;
     result.set_item("lacking", conversion.lacking().into_iter().collect::<Vec<_>>())?;
-    result.set_item("left_out", left_out(conversion.left_out()))?;
+    result.set_item("left_out", warned(py, [conversion.left_out()])?)?;
     Ok(result)
 }
 
@@ -59,7 +59,7 @@ pub fn validate<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let registry = registry(py)?;
     let (source, format) = source(dataset);
-    let found = wait_for(py, progress.as_ref(), |sender, stop| {
+    let found = wait_for(py, progress.as_ref(), move |sender, stop| {
         on_images(threads, sender, stop, |work| syntable::validate(&registry, &source, format.as_deref(), work))
     })?;
     let result = json(py, &found.found)?;
@@ -102,7 +102,7 @@ pub fn stats<'py>(
         },
     };
     let registry = registry(py)?;
-    let found = wait_for(py, progress.as_ref(), |sender, stop| {
+    let found = wait_for(py, progress.as_ref(), move |sender, stop| {
         let (mut all, mut left_out) = (Vec::new(), Vec::new());
         on_images(threads, sender, stop, |work| {
             // Each dataset can have a format of its own.
@@ -128,7 +128,7 @@ pub fn stats<'py>(
     result.set_item("json", json(py, &all)?)?;
     result.set_item("text", text)?;
     result.set_item("csv", csv)?;
-    result.set_item("left_out", lost.into_iter().flat_map(left_out).collect::<Vec<_>>())?;
+    result.set_item("left_out", warned(py, lost)?)?;
     Ok(result)
 }
 
@@ -153,7 +153,7 @@ pub fn report<'py>(
     let (images, scenes) = (images.unwrap_or(usize::MAX), scenes.unwrap_or(usize::MAX));
     let options =
         ReportOptions { format, out, overwrite, scores, images, scenes, labels_only, ..ReportOptions::new(source) };
-    let made = wait_for(py, progress.as_ref(), |sender, stop| {
+    let made = wait_for(py, progress.as_ref(), move |sender, stop| {
         on_images(threads, sender, stop, |work| make(&registry, &options, work))
     })?;
     let result = PyDict::new(py);
@@ -163,6 +163,6 @@ pub fn report<'py>(
     result.set_item("all_images", made.all_images)?;
     result.set_item("scenes", made.scenes)?;
     result.set_item("notes", made.notes.iter().map(ToString::to_string).collect::<Vec<_>>())?;
-    result.set_item("left_out", left_out(made.left_out))?;
+    result.set_item("left_out", warned(py, [made.left_out])?)?;
     Ok(result)
 }

@@ -1,6 +1,6 @@
 //! Scores of predictions.
 
-use super::{Named, json, left_out, on_images, source};
+use super::{Named, json, on_images, source, warned};
 use crate::masks::Mask;
 use crate::registry::registry;
 use crate::work::wait_for;
@@ -101,7 +101,7 @@ pub fn evaluate<'py>(
         rank_by: options.worst_by,
         ..defaults
     };
-    let (table, text, csv, lost) = wait_for(py, progress.as_ref(), |sender, stop| {
+    let (table, text, csv, lost) = wait_for(py, progress.as_ref(), move |sender, stop| {
         on_images(threads, sender, stop, |work| {
             let found = match objects {
                 Some(objects) => evaluate_detections(&registry, &options, objects, work)?,
@@ -118,6 +118,6 @@ pub fn evaluate<'py>(
     result.set_item("json", json(py, &table)?)?;
     result.set_item("text", text)?;
     result.set_item("csv", csv)?;
-    result.set_item("left_out", left_out(lost))?;
+    result.set_item("left_out", warned(py, [lost])?)?;
     Ok(result)
 }

@@ -29,8 +29,8 @@ pub fn run<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (recipe, warnings) = recipe.load(py, &[])?;
-    let has = |name: &str| flags.iter().any(|flag| flag == name);
-    let outcome = wait_for(py, progress.as_ref(), |sender, stop| {
+    let outcome = wait_for(py, progress.as_ref(), move |sender, stop| {
+        let has = |name: &str| flags.iter().any(|flag| flag == name);
         warnings.into_iter().for_each(|warning| sender.message(&Message::Diagnostic(warning)));
         let options = RunOptions {
             scenes: scenes.map(|(first, end)| first..end),
@@ -72,7 +72,7 @@ pub fn merge<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let registry = registry(py)?;
-    let outcome = wait_for(py, progress.as_ref(), |sender, stop| {
+    let outcome = wait_for(py, progress.as_ref(), move |sender, stop| {
         let options = MergeOptions { threads: threads_or_all(threads), allow_code, stop: stop.clone() };
         syntable::merge(&registry, &out, &parts, &options, sender)
     })?;
@@ -83,7 +83,7 @@ pub fn merge<'py>(
 #[pyfunction]
 #[pyo3(signature = (dataset, threads))]
 pub fn verify(py: Python<'_>, dataset: PathBuf, threads: Option<usize>) -> PyResult<Bound<'_, PyAny>> {
-    let found = wait_for(py, None, |_, _| syntable::verify(&dataset, threads_or_all(threads)))?;
+    let found = wait_for(py, None, move |_, _| syntable::verify(&dataset, threads_or_all(threads)))?;
     let result = object!({
         "scenes": found.scenes,
         "files": found.files,
@@ -119,7 +119,7 @@ pub fn plan<'py>(
     };
     let (recipe, warnings) = recipe.load(py, &[])?;
     recipe.ready(allow_code).map_err(|error| exception(py, &error))?;
-    let found = wait_for(py, progress.as_ref(), |sender, stop| {
+    let (recipe, found) = wait_for(py, progress.as_ref(), move |sender, stop| {
         warnings.into_iter().for_each(|warning| sender.message(&Message::Diagnostic(warning)));
         let options = ForecastOptions {
             measured: Some(measured).filter(|measured| *measured > 0),
@@ -128,7 +128,8 @@ pub fn plan<'py>(
             cache: DiskCache::of_user(),
             stop: stop.clone(),
         };
-        forecast::forecast(&recipe, &options, sender)
+        let found = forecast::forecast(&recipe, &options, sender)?;
+        Ok((recipe, found))
     })?;
     json(py, &of_recipe(&recipe, Some(&found)))
 }

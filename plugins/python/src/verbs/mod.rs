@@ -31,6 +31,18 @@ pub fn left_out(report: LeftOutReport) -> Vec<String> {
         .collect()
 }
 
+/// The texts of data that a result omits, after a warning of Python for them. For work whose events do not name them.
+pub fn warned(py: Python<'_>, report: impl IntoIterator<Item = LeftOutReport>) -> PyResult<Vec<String>> {
+    let texts: Vec<String> = report.into_iter().flat_map(left_out).collect();
+    warn_left_out(py, &texts)?;
+    Ok(texts)
+}
+
+/// Warns that data are left out.
+pub fn warn_left_out(py: Python<'_>, texts: &[String]) -> PyResult<()> {
+    py.import("syntable.progress")?.call_method1("warn_left_out", (texts,)).map(drop)
+}
+
 /// A dataset as a caller names it: its path, its format, the folder of its images, whether its names may lead elsewhere.
 pub type Named = (PathBuf, Option<String>, Option<PathBuf>, bool);
 

@@ -45,7 +45,7 @@ pub fn preview<'py>(
         threads: threads_or_all(threads),
         ..PreviewOptions::new(recipe.request())
     };
-    let (end, sheet) = wait_for(py, progress.as_ref(), |sender, stop| {
+    let (end, sheet) = wait_for(py, progress.as_ref(), move |sender, stop| {
         Preview::new(&registry, options, sender).and_then(|mut preview| preview.sheet(stop))
     })?;
     let (PassEnd::Done { failed, .. }, Some(sheet)) = (end, sheet) else {

@@ -30,8 +30,6 @@ pub struct Process {
     answers: Receiver<Result<Vec<u8>, Unread>>,
     last_lines: Arc<Mutex<VecDeque<String>>>,
     errors_ended: Receiver<()>,
-    /// Whether it ended after the end of its messages.
-    has_ended: bool,
 }
 
 /// Why a process gave no answer.
@@ -77,7 +75,7 @@ impl Process {
             keep_last_lines(BufReader::new(stderr), &lines);
             drop(ended);
         });
-        Ok(Self { child, input: Some(input), answers, last_lines, errors_ended, has_ended: false })
+        Ok(Self { child, input: Some(input), answers, last_lines, errors_ended })
     }
 
     /// The archive of the answer to a message. After a failure, the process must be dropped.
@@ -114,24 +112,54 @@ impl Process {
 
     /// Gives it until a moment to end itself.
     pub fn wait(mut self, until: Instant) {
-        self.has_ended = self.status(until.saturating_duration_since(Instant::now())).is_some();
+        self.ends(until.saturating_duration_since(Instant::now()));
     }
 
-    /// How it ended, if it ends within a time.
-    fn status(&mut self, within: Duration) -> Option<ExitStatus> {
+    /// Whether it ends within a time.
+    fn ends(&mut self, within: Duration) -> bool {
         let start = Instant::now();
-        loop {
-            match self.child.try_wait() {
-                Ok(Some(status)) => return Some(status),
-                _ if start.elapsed() > within => return None,
-                _ => thread::sleep(Duration::from_millis(2)),
+        while !self.has_ended() {
+            if start.elapsed() > within {
+                return false;
             }
+            thread::sleep(Duration::from_millis(2));
         }
+        true
+    }
+
+    /// Whether it has ended. It keeps its number, also the number of its group, until it is dropped.
+    #[cfg(unix)]
+    fn has_ended(&mut self) -> bool {
+        use rustix::process::{WaitId, WaitIdOptions, waitid};
+        let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+        self.group().is_some_and(|child| matches!(waitid(WaitId::Pid(child), options), Ok(Some(_))))
+    }
+
+    /// Whether it has ended.
+    #[cfg(not(unix))]
+    fn has_ended(&mut self) -> bool {
+        matches!(self.child.try_wait(), Ok(Some(_)))
+    }
+
+    /// Its group: the program, and programs that it started, such as an interpreter behind a shell.
+    #[cfg(unix)]
+    fn group(&self) -> Option<rustix::process::Pid> {
+        i32::try_from(self.child.id()).ok().and_then(rustix::process::Pid::from_raw)
+    }
+
+    /// Ends it and its group. Returns how it ended.
+    fn end(&mut self) -> Option<ExitStatus> {
+        #[cfg(unix)]
+        if let Some(group) = self.group() {
+            let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
+        }
+        let _ = self.child.kill();
+        self.child.wait().ok()
     }
 
     /// The error of a process whose output has ended.
     fn ended(&mut self) -> Error {
-        let status = self.status(END);
+        let status = if self.ends(END) { self.end() } else { None };
         let _ = self.errors_ended.recv_timeout(END);
         let message = match status {
             Some(status) => format!("it ended {} without an answer", Ended(status)),
@@ -155,16 +183,7 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        if self.has_ended {
-            return;
-        }
-        // Programs that it started, too: an interpreter behind a shell, for one.
-        #[cfg(unix)]
-        if let Some(group) = i32::try_from(self.child.id()).ok().and_then(rustix::process::Pid::from_raw) {
-            let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
-        }
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.end();
     }
 }
 

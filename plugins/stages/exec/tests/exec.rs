@@ -284,14 +284,33 @@ fn a_program_that_hangs_is_killed() {
     let error = script.annotate(share, "answer_s = 0.3\nrestarts = 0").map(drop).expect_err("no answer").to_string();
     assert!(error.contains("no answer within 0.3 s") && error.contains("program.answer_s"), "{error}");
     assert!(start.elapsed() < Duration::from_secs(20));
-    let child = std::fs::read_to_string(script.at("child")).expect("started");
+    assert_ends(&script.at("child"));
+}
+
+#[test]
+fn what_a_program_starts_ends_with_it() {
+    let share = "share = { form = \"float per object\" }";
+    let leaves = "sleep 1000 > nothing 2>&1 & echo $! > child";
+    let script = Script::new(&format!("{leaves}; cat empty view; cat > messages"));
+    script.answer("view", 1, &[("share", floats(&[0.5, 0.5]))]);
+    script.annotate(share, "").expect("an answer");
+    assert_ends(&script.at("child"));
+    let script = Script::new(&format!("{leaves}; exit 1"));
+    script.annotate(share, "restarts = 0").map(drop).expect_err("no answer");
+    assert_ends(&script.at("child"));
+}
+
+/// Waits for the end of the process whose number a file has.
+fn assert_ends(number: &Path) {
+    let number = std::fs::read_to_string(number).expect("started");
     let is_there = || {
-        let status = std::fs::read_to_string(format!("/proc/{}/stat", child.trim()));
+        let status = std::fs::read_to_string(format!("/proc/{}/stat", number.trim()));
         // A process that has ended and was not waited for is a zombie.
         status.is_ok_and(|status| !status.contains(") Z "))
     };
+    let start = Instant::now();
     while cfg!(target_os = "linux") && is_there() {
-        assert!(start.elapsed() < Duration::from_secs(30), "its child still runs");
+        assert!(start.elapsed() < Duration::from_secs(20), "process {number} still runs");
         std::thread::sleep(Duration::from_millis(10));
     }
 }

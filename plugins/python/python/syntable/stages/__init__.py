@@ -9,8 +9,9 @@ A decorator registers the stage in this process: `run`, `generate`, `convert` an
 command loads a file of stages with ``syntable --plugin my_stages.py …``. The same decorator again, as in a notebook cell,
 replaces the stage. The library calls stages on its own threads, one call at a time because of Python's global lock.
 
-A dataset records the name and the ``__version__`` of the module of each stage. Raise the version to keep a run from
-continuing a dataset that another version began.
+A dataset records each stage with the digest of its code, so that no run continues a dataset that other code began. The
+code of functions that the stage calls does not count. If the module has a ``__version__``, it is recorded in place of the
+digest: raise it with every change of what stages return.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 import json
 import os
@@ -353,19 +354,26 @@ def _class(
 
 
 def _kind(name: str, it: Any, table: Options, make: Callable[[Mapping[str, Any]], tuple[Any, str]]) -> _Kind:
-    owner, version = _source(it)
+    owner, version = _source(it, table.cls)
     return _Kind(name, owner, version, json.dumps(table.schema), make)
 
 
-def _source(it: Any) -> tuple[str, str]:
-    """The module of a stage, and its version."""
+def _source(it: Any, options: Any) -> tuple[str, str]:
+    """The module of a stage and its version; without a version, the stage and the digest of its code."""
     # Code that `exec` runs may have no module.
     owner = it.__module__ or "__main__"
     module = sys.modules.get(owner)
     file = getattr(module, "__file__", None)
     if owner == "__main__":
         owner = os.path.splitext(os.path.basename(file))[0] if file else "notebook"
-    return owner, str(getattr(module, "__version__", "0"))
+    if hasattr(module, "__version__"):
+        return owner, str(module.__version__)
+    try:
+        code = "".join(inspect.getsource(inspect.unwrap(part)) for part in (it, options) if part is not None)
+    except (OSError, TypeError):
+        # Code that was typed has no file.
+        return owner, "0"
+    return f"{owner}.{it.__qualname__}", hashlib.sha256(code.encode()).hexdigest()[:16]
 
 
 def _help(it: Any, name: str) -> str:

@@ -214,7 +214,35 @@ def _plain(value: Any, kind: type) -> Any:
     if not fits[kind]:
         what = "dict with text as keys" if kind is dict else kind.__name__
         raise _Refused(f"{what} is expected; found {_found(value)}")
+    if kind is int and not -(2**63) <= value < 2**63:
+        raise _Refused(f"an int has 64 bits; found {_found(value)}")
+    if not isinstance(given, np.ndarray):
+        _check_parts(value)
     return kind(value)
+
+
+#: How deep the parts of a value may be nested, as in JSON files that are read back.
+_DEPTH = 64
+
+
+def _check_parts(value: Any) -> None:
+    """Refuses a value with parts that no file holds."""
+    parts = [(value, 1)]
+    while parts:
+        part, depth = parts.pop()
+        if depth > _DEPTH:
+            raise _Refused(f"its parts are nested more than {_DEPTH} deep; does it contain itself?")
+        if isinstance(part, Mapping):
+            parts.extend((one, depth + 1) for pair in part.items() for one in pair)
+        elif isinstance(part, (list, tuple)):
+            parts.extend((one, depth + 1) for one in part)
+        elif isinstance(part, int) and not -(2**63) <= part < 2**64:
+            raise _Refused(f"an int has 64 bits; found {_found(part)}")
+        elif isinstance(part, str):
+            try:
+                part.encode()
+            except UnicodeEncodeError:
+                raise _Refused(f"a text is valid Unicode; found {part!a}") from None
 
 
 def _array(value: Any, dtype: str, shape: tuple[int | None, ...] | None) -> Any:
