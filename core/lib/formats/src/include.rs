@@ -112,7 +112,7 @@ pub fn list_paths(of: &FileOf, has_category_ids: bool) -> Vec<String> {
 
 /// Writes the lists that explain the files of a dataset: [all categories](CATEGORIES) of the recipe if files have ids of
 /// categories, so that ids have names in every part of the dataset, and the [products](PRODUCTS) that no linked crate
-/// defines, such as those of annotators in Python.
+/// defines, such as products of annotators in Python.
 ///
 /// # Errors
 /// If a file cannot be written.

@@ -1,4 +1,4 @@
-//! The products that a dataset may hold: the products of linked crates, and those that the dataset declares.
+//! The products that a dataset may hold: the products of linked crates, and the products that the dataset declares.
 
 use crate::decode::FileContent;
 use crate::json;
@@ -21,7 +21,7 @@ impl Default for KnownProducts {
 }
 
 impl KnownProducts {
-    /// The products of linked crates, and those in the folder's [file of products](PRODUCTS) if it exists.
+    /// The products of linked crates, and the products in the folder's [file of products](PRODUCTS) if it exists.
     ///
     /// # Errors
     /// If the file cannot be read, or contradicts a linked crate.
@@ -34,7 +34,7 @@ impl KnownProducts {
         Self::declared_in(content.bytes()).map_err(|error| error.in_file(&path).of_request())
     }
 
-    /// The products of linked crates, and those that a JSON text declares.
+    /// The products of linked crates, and the products that a JSON text declares.
     ///
     /// # Errors
     /// If the text is not JSON of this form, or contradicts a linked crate.

@@ -9,7 +9,7 @@
 //! | [`index`] | a whole annotation file whose records stay in the file until they are requested |
 //! | [`listing`] | the images of an annotation file in order, each with its annotations |
 //! | [`json`] | readable errors of the JSON parser |
-//! | [`known`] | the products that a dataset may hold: those of linked crates, and those that it declares |
+//! | [`known`] | the products of linked crates, and the products that a dataset declares |
 //! | [`shard`] | the records of one scene, kept until the annotation file is merged from all scenes |
 //! | [`depth`] | the option for the depth that a writer stores |
 //! | [`encode`] | image and array files, by kind of value |
