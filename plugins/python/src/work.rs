@@ -45,7 +45,7 @@ pub fn is_forked() -> bool {
 
 /// Ends work whose threads may need Python's lock to end: waits for them without it. Interrupts stages in Python that they run: at
 /// once if the user has interrupted the work, or else after a moment. Returns the exception of a signal. After a second signal or a
-/// few seconds, nothing waits for stages any longer: one may be in a call that no exception reaches, and its thread is left alone.
+/// few seconds, nothing waits for stages any longer: one may be in a call that no exception reaches, and nothing waits for its thread.
 pub fn end<T: Send + 'static>(work: T, is_interrupted: bool) -> Option<PyErr> {
     let mut work = Some(work);
     let waited = if is_forked() { None } else { Python::try_attach(|py| wait(py, work.take(), is_interrupted)) };
@@ -122,7 +122,7 @@ pub fn show(py: Python<'_>, progress: Option<&Py<PyAny>>, event: &Event) -> PyRe
 
 /// Does work on another thread. The calling thread passes events to `progress`, and handles signals. A signal whose handler
 /// raises (Ctrl-C), or an exception of `progress` asks the work to stop; when it has ended, the exception is raised. A second one
-/// is raised at once, and the thread is left alone: a stage in Python may be in a call that no exception reaches.
+/// is raised at once, and nothing waits for the thread: a stage in Python may be in a call that no exception reaches.
 ///
 /// # Errors
 /// The exception of a signal or of `progress`, or else the error of the work.

@@ -109,7 +109,7 @@ def test_what_cannot_be_read_is_a_warning(data, tmp_path):
     assert found.left_out
 
     shutil.copytree(data, tmp_path / "damaged")
-    image = tmp_path / "damaged/data/rgb/0_1.png"
+    image = tmp_path / "damaged/data/mono/rgb/0_1.png"
     image.write_bytes(image.read_bytes()[:200])
     opened = st.open(tmp_path / "damaged")
     assert opened.left_out == []

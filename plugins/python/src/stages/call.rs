@@ -76,7 +76,7 @@ pub fn are_abandoned(asked: Instant) -> bool {
 }
 
 /// Ends all calls before Python ends: waits for running ones, interrupts them after Ctrl-C or a few seconds, and refuses later
-/// ones. A call that does not end within [`Interrupts::LIMIT`], or before a second Ctrl-C, is left alone: it is in a call of its
+/// ones. A call that does not end within [`Interrupts::LIMIT`], or before a second Ctrl-C, is not waited for: it is in a call of its
 /// own that no exception reaches, such as `time.sleep`.
 #[pyfunction]
 pub fn end_calls(py: Python<'_>) -> PyResult<()> {

@@ -366,8 +366,9 @@ def _source(it: Any, options: Any) -> tuple[str, str]:
     file = getattr(module, "__file__", None)
     if owner == "__main__":
         owner = os.path.splitext(os.path.basename(file))[0] if file else "notebook"
-    if hasattr(module, "__version__"):
-        return owner, str(module.__version__)
+    stated = getattr(module, "__version__", None)
+    if stated is not None:
+        return owner, str(stated)
     try:
         code = "".join(inspect.getsource(inspect.unwrap(part)) for part in (it, options) if part is not None)
     except (OSError, TypeError):
