@@ -2,7 +2,7 @@
 
 use crate::plan::{Candidate, Offers, Plan, PlanError, PlanFault, Producer, registered, resolve};
 use crate::tables::stages::{Built, BuiltStage};
-use crate::text::code::Code;
+use crate::text::code::{Code, OF_PLUGIN};
 use crate::text::diagnostic::DiagnosticBuilder;
 use crate::text::source::{NOWHERE, Span};
 use crate::text::suggest::{did_you_mean, listing};
@@ -150,7 +150,7 @@ fn diagnostic(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static st
                         "provided by linked plugins: {} (syntable list products)",
                         listing(known.into_iter())
                     ))
-                    .help("if a plugin of yours provides it, check that its crate is named in your binary's main.rs"),
+                    .help(OF_PLUGIN),
             };
         }
         PlanFault::NotStorable => Code::NotStorable,

@@ -3,7 +3,7 @@
 use crate::merge::edit::list_ids;
 use crate::tables::check;
 use crate::tables::loader::Loader;
-use crate::text::code::Code;
+use crate::text::code::{Code, OF_PLUGIN};
 use crate::text::diagnostic::DiagnosticBuilder;
 use crate::text::source::{NOWHERE, SET, Span};
 use crate::text::suggest::{did_you_mean, listing};
@@ -227,8 +227,7 @@ impl<'r> Loader<'_, 'r> {
                 diagnostic =
                     diagnostic.help(format!("to call the table `{}` as you like, add `kind = …` to it", given.id));
             } else {
-                diagnostic = diagnostic
-                    .help("if a plugin of yours registers it, check that its crate is named in your binary's main.rs");
+                diagnostic = diagnostic.help(OF_PLUGIN);
             }
             diagnostics.push(diagnostic);
             return None;

@@ -3,6 +3,10 @@
 use serde::{Serialize, Serializer};
 use std::fmt;
 
+/// Help for a kind or a product that no linked plugin has.
+pub(crate) const OF_PLUGIN: &str =
+    "if a plugin has it, name its crate in your binary's main.rs, or its Python file by --plugin";
+
 macro_rules! codes {
     ($($(#[doc = $doc:literal])+ $name:ident = $text:literal, $title:literal, $explanation:literal, $help:literal;)*) => {
         /// Kind of mistake. Codes never change their meaning.
