@@ -564,7 +564,8 @@ import syntable as st
 
 @st.annotator(reads=["depth"], provides={"test_continued": float})
 def test_continued(view):
-    return float(view.depth.RULE())
+    depth = view.depth.RULE()
+    return float(depth)
 """
 
 
@@ -572,8 +573,8 @@ def test_changed_code_does_not_continue_a_dataset(tmp_path):
     plugin, recipe = tmp_path / "my_rules.py", tmp_path / "recipe.toml"
     recipe.write_text(str(small(write={"jsonl": {"include": ["camera"]}})))
 
-    def run(rule, scenes):
-        plugin.write_text(CONTINUED.replace("RULE", rule))
+    def run(rule, scenes, comment=""):
+        plugin.write_text(CONTINUED.replace("RULE()", f"{rule}()  {comment}"))
         write = 'write.jsonl.include=["test_continued"]'
         settings = ["--set", write, "--set", f"dataset.scenes={scenes}", "--out", tmp_path / "data"]
         command = [sys.executable, "-m", "syntable", "--plugin", plugin, "run", recipe, *settings]
@@ -582,7 +583,7 @@ def test_changed_code_does_not_continue_a_dataset(tmp_path):
     assert run("min", 1).returncode == 0
     changed = run("max", 2)
     assert changed.returncode == 2 and "my_rules.test_continued" in changed.stderr, changed.stderr
-    same = run("min", 2)
+    same = run("min", 2, comment="# another comment")
     assert same.returncode == 0, same.stderr
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import inspect
 import json
 import os
 import re
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -370,11 +372,16 @@ def _source(it: Any, options: Any) -> tuple[str, str]:
     if stated is not None:
         return owner, str(stated)
     try:
-        code = "".join(inspect.getsource(inspect.unwrap(part)) for part in (it, options) if part is not None)
-    except (OSError, TypeError):
-        # Code that was typed has no file.
+        code = "".join(_code(part) for part in (it, options) if part is not None)
+    except (OSError, TypeError, SyntaxError):
+        # Code that was typed has no file, and a lambda is no statement.
         return owner, "0"
     return f"{owner}.{it.__qualname__}", hashlib.sha256(code.encode()).hexdigest()[:16]
+
+
+def _code(it: Any) -> str:
+    """The code of a function or a class without comments, in one style."""
+    return ast.unparse(ast.parse(textwrap.dedent(inspect.getsource(inspect.unwrap(it)))))
 
 
 def _help(it: Any, name: str) -> str:
