@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use syntable_model::prelude::*;
 use syntable_model::registry::{ConstructError, Entry, Registry, Slot};
+use syntable_model::stage::Input;
 use syntable_recipe::message::{Message, Record};
 use syntable_recipe::{CatalogLock, Code, Lock, Overrides, Recipe, Report, Source};
 
@@ -344,6 +345,27 @@ fn one_bad_table_hides_no_other() {
             "D0008 `samples_per_pixel` cannot be 0",
         ]
     );
+}
+
+/// A product that a caller asks for has no line in the recipe: its help names the nearest product, or else all of them.
+#[test]
+fn a_product_of_a_caller_gets_a_suggestion() {
+    let help = |product: &str| {
+        let overrides = Overrides {
+            exists: &|_| true,
+            set: Vec::new(),
+            variable: &|name| (name == "ASSETS").then(|| "/data/assets".to_owned()),
+            read: &|path| fs::read_to_string(path),
+            current_folder: folder(),
+            choose: false,
+            wanted: vec![Input::named(product)],
+        };
+        let loaded = syntable_recipe::load(&registry(), Source::embedded("good.toml", GOOD), &overrides);
+        let report = loaded.err().unwrap_or_else(|| panic!("{product}: loads"));
+        report.iter().map(|diagnostic| diagnostic.help.join("; ")).collect::<Vec<_>>().join("\n")
+    };
+    assert_eq!(help("dpeth"), "did you mean `depth`? `syntable list products` lists all");
+    assert!(help("banana").starts_with("provided by linked plugins: `amodal_mask`, `depth`,"), "{}", help("banana"));
 }
 
 #[test]

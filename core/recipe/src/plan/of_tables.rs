@@ -141,10 +141,14 @@ fn diagnostic(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static st
             if error.product.split_once(" (").is_some_and(|(base, _)| error.known.iter().any(|known| known == base)) {
                 return diagnostic.help(error.help.clone());
             }
+            // A product that a caller of the library asks for has no line in the recipe, so no label.
+            let near =
+                if error.stage == CALLER { did_you_mean(&error.product, known.iter().copied()) } else { String::new() };
             return match elsewhere.iter().find(|(key, _)| key.is(&error.product)) {
                 Some((_, kind)) => {
                     diagnostic.label(format!("offered by the renderer `{kind}`, which this recipe does not use"))
                 }
+                None if !near.is_empty() => diagnostic.help(format!("{near} `syntable list products` lists all")),
                 None => diagnostic
                     .help(format!(
                         "provided by linked plugins: {} (syntable list products)",
