@@ -807,6 +807,80 @@ def test_a_scene_that_fails_is_a_warning(tmp_path):
     assert outcome.failed == 1 and not outcome
 
 
+PYRAMID = {
+    "vertices": 0.05 * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0, 0, 1)]),
+    "faces": [(0, 2, 1), (0, 3, 2), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)],
+}
+
+
+def with_source(names, **more):
+    """A recipe with a fixed pyramid of a source that has these names."""
+
+    @st.asset_source(name="test_pyramids")
+    class Pyramids:
+        def names(self):
+            return names
+
+        def load(self, name):
+            return PYRAMID | more
+
+    @st.placer()
+    def test_first(scene):
+        pose = np.eye(4)
+        pose[:3, 3] = next(iter(scene.supports.values())).center + (0, 0, 0.3)
+        return [{"asset": scene.draw("pyramids"), "pose": pose, "fixed": True}]
+
+    steps = pytest.importorskip("tomllib").loads(str(small()))["place"]
+    recipe = small(dataset__views_per_scene=1, dataset__max_attempts=1)
+    return recipe.set({"assets.pyramids": {"kind": "test_pyramids"}, "place": [*steps, {"kind": "test_first"}]})
+
+
+@pytest.mark.parametrize(
+    ("names", "more", "says"),
+    [
+        (["../t"], {}, "names(): the name '../t' is no relative path, such as red or mugs/red"),
+        (["/t"], {}, "the name '/t' is no relative path"),
+        (["a//t"], {}, "the name 'a//t' is no relative path"),
+        (["a\\t"], {}, "the name 'a\\\\t' is no relative path"),
+        (["ü\n"], {}, "the name '\\xfc\\n' has a control character"),
+        (["a" * 201], {}, "has 201 characters; at most 200 are allowed"),
+        ({"a": "c\0"}, {}, "the category 'c\\x00' has a control character"),
+        ({"a": "c" * 500}, {}, "has 500 characters"),
+        (["a"], {"color": [255, -1, 3]}, "`color` is in [0, 1], linear Rec. 709, and has 255: divide by 255"),
+        (["a"], {"color": [0, -1, 0]}, "`color` is in [0, 1], linear Rec. 709, and has -1"),
+        (["a"], {"colors": np.full((5, 3), 1.5)}, "`colors` is in [0, 1], linear Rec. 709, and has 1.5"),
+    ],
+)
+def test_mistakes_of_sources(names, more, says):
+    with pytest.raises(st.SyntableError) as raised:
+        next(st.generate(with_source(names, **more), ["depth"]))
+    assert says in str(raised.value)
+
+
+def test_names_of_assets_have_folders():
+    with st.generate(with_source({"mugs/ü": "a/b"}, color=[0, 1, 0.5]), ["depth"]) as samples:
+        assert ("mugs/ü", "a/b") in [(it.name, it.category) for it in next(samples).objects]
+
+
+def test_an_asset_belongs_to_one_scene():
+    first = []
+
+    @st.placer()
+    def test_hoarder(scene):
+        first.append(scene.draw("pyramids"))
+        return [{"asset": first[0], "pose": np.eye(4), "fixed": True}]
+
+    recipe = with_source(["a"]).set("dataset.scenes", 2)
+    steps = pytest.importorskip("tomllib").loads(str(recipe))["place"]
+    recipe = recipe.set("place", [*steps[:-1], {"kind": "test_hoarder"}])
+    samples = st.generate(recipe, ["depth"], threads=1)
+    with samples, pytest.raises(st.SyntableError) as raised:
+        list(samples)
+    assert f"`asset` is pyramids/{first[0].name} of another scene: call scene.draw" in str(raised.value)
+    assert raised.value.file == __file__ and raised.value.line == test_hoarder.__code__.co_firstlineno
+    assert "_call" not in repr(first[0])
+
+
 def test_an_unlucky_placer_is_tried_again():
     attempts = []
 
@@ -858,9 +932,12 @@ def read_png(path):
         if data[at + 4 : at + 8] == b"IDAT":
             raw += data[at + 8 : at + 8 + length]
         at += 12 + length
-    rows = np.frombuffer(zlib.decompress(raw), np.uint8).reshape(size[1], 1 + 3 * size[0])
+    bits, color = data[24], data[25]
+    channels = {0: 1, 2: 3}[color]
+    rows = np.frombuffer(zlib.decompress(raw), np.uint8).reshape(size[1], 1 + channels * bits // 8 * size[0])
     assert not rows[:, 0].any()
-    return rows[:, 1:].reshape(size[1], size[0], 3)
+    pixels = np.ascontiguousarray(rows[:, 1:]).view(np.uint8 if bits == 8 else ">u2")
+    return pixels.reshape(size[1], size[0], 3) if channels == 3 else pixels
 
 
 def test_a_writer_in_a_run_that_is_resumed(tmp_path):
@@ -916,10 +993,17 @@ def test_stages_take_part_in_convert(tmp_path):
         (lambda view, out: out.write("../x", b""), "not a path inside the dataset"),
         (lambda view, out: out.write("x", b"") or out.write("x", b""), "written twice"),
         (lambda view, out: out.write("x", 3), "a file holds bytes, text or an array, not 3, a int"),
-        (lambda view, out: out.write("x.png", np.zeros((2, 2))), "a PNG file holds uint8"),
-        (lambda view, out: out.write(3, b""), "the name of a file is text"),
-        (lambda view, out: out.write("x", np.array([object()])), "Object arrays cannot be saved"),
+        (lambda view, out: out.write("x.png", np.zeros((2, 2))), "a PNG file holds bool, uint8 or uint16"),
+        (lambda view, out: out.write("x.png", view.rgb[..., :2]), "a PNG file holds bool, uint8 or uint16"),
+        (lambda view, out: out.write("x.png", view.rgb[:0]), "a PNG file holds bool, uint8 or uint16"),
+        (lambda view, out: out.write(3, b""), "the name of a file is text or a path, not 3"),
+        (lambda view, out: out.write("x.jpg", view.rgb), "an array's file ends in .npy or .png, not 'x.jpg'"),
+        (lambda view, out: out.write("x", view.rgb), "ends in .npy or .png, not 'x'"),
+        (lambda view, out: out.write(".png", view.rgb), "ends in .npy or .png, not '.png'"),
+        (lambda view, out: out.write("x.npy", np.array([object()])), "Object arrays cannot be saved"),
         (lambda view, out: out.record({1j}), "a record holds what JSON holds"),
+        (lambda view, out: out.record(1), "records are for the method finish(self, dataset, out), which"),
+        (lambda view, out: {"x": 1}, "write() returns nothing, not {'x': 1}, a dict: out.write stores a file, and"),
         (lambda view, out: view.depth, "does not read `depth`"),
     ],
 )
@@ -929,11 +1013,60 @@ def test_mistakes_of_writers(tmp_path, write, says):
         __test__ = False
 
         def write(self, view, out):
-            write(view, out)
+            return write(view, out)
 
     with pytest.raises(st.SyntableError) as raised:
         st.run(small(write={"test_wrong": {}}), tmp_path / "data", progress=False)
-    assert says in str(raised.value) and "write.test_wrong" in str(raised.value)
+    # The lines after the first are a traceback, which may quote this test.
+    first = str(raised.value).partition("\n")[0]
+    assert says in first and "write.test_wrong" in first
+
+
+def test_finish_returns_nothing(tmp_path):
+    @st.writer(reads=[])
+    class TestFinisher:
+        __test__ = False
+
+        def write(self, view, out):
+            out.record(view.name)
+
+        def finish(self, dataset, out):
+            return list(dataset.records())
+
+    says = r"finish\(\) returns nothing, not \['0_0'.*: out.write stores a file"
+    with pytest.raises(st.SyntableError, match=says) as raised:
+        st.run(small(write={"test_finisher": {}}), tmp_path / "data", progress=False)
+    assert raised.value.line == TestFinisher.finish.__code__.co_firstlineno
+
+
+def test_images_of_writers(tmp_path):
+    made = {}
+
+    @st.writer(reads=["rgb", "depth", "visible_ids"])
+    class TestImages:
+        __test__ = False
+
+        def write(self, view, out):
+            images = {
+                "color": view.rgb,
+                "mask": view.depth > 0.6,
+                "gray": view.rgb[..., 1],
+                "ids": view.visible_ids.astype(np.uint16),
+                "millimeters": (1000 * view.depth).astype(">u2"),
+            }
+            for name, image in images.items():
+                out.write(pathlib.PurePath(view.name) / f"{name}.PNG", image)
+                out.write(pathlib.PureWindowsPath(view.name, f"{name}.npy"), image)
+                made[view.name, name] = image
+
+    st.run(small(write={"test_images": {}}), tmp_path / "data", progress=False)
+    masks = [image for (_, name), image in made.items() if name == "mask"]
+    assert len(made) == 10 and any(mask.any() and not mask.all() for mask in masks)
+    for (view, name), image in made.items():
+        found = read_png(tmp_path / f"data/test_images/{view}/{name}.PNG")
+        assert found.dtype == (np.uint8 if image.dtype.itemsize == 1 else np.dtype(">u2")), name
+        assert np.array_equal(found, 255 * image if image.dtype == bool else image), name
+        assert np.array_equal(np.load(tmp_path / f"data/test_images/{view}/{name}.npy"), image), name
 
 
 def test_an_output_ends_with_its_scene(tmp_path):

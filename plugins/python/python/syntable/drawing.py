@@ -52,15 +52,20 @@ def _edge(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     return mask & ~whole
 
 
-def png(image: npt.NDArray[np.uint8]) -> bytes:
-    """An image of three channels as a PNG file."""
-    height, width, _ = image.shape
-    rows = np.concatenate([np.zeros((height, 1), np.uint8), image.reshape(height, -1)], axis=1)
+def png(image: npt.NDArray[Any]) -> bytes:
+    """An image as a PNG file: bool, uint8 or uint16 of height × width, or uint8 of height × width × 3."""
+    height, width = image.shape[:2]
+    if image.dtype == np.bool_:
+        image = image.astype(np.uint8) * 255
+    bits, color = (8 * image.dtype.itemsize, 2 if image.ndim == 3 else 0)
+    # PNG stores the high byte first.
+    pixels = np.ascontiguousarray(image, image.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
+    rows = np.concatenate([np.zeros((height, 1), np.uint8), pixels], axis=1)
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    header = struct.pack(">IIBBBBB", width, height, bits, color, 0, 0, 0)
     body = zlib.compress(rows.tobytes(), 6)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import PurePath, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -125,20 +126,26 @@ class Asset:
     category: str
     bounds: npt.NDArray[np.float64]
     mass: float
-    _number: int
+    _number: int = field(repr=False)
+    #: The call of the placer that got it. Numbers of other calls mean other assets.
+    _call: object = field(repr=False)
 
     @classmethod
-    def _of(cls, raw: tuple[Any, ...]) -> Asset:
+    def _of(cls, raw: tuple[Any, ...], call: object) -> Asset:
         number, pool, name, category, bounds, mass = raw
-        return cls(pool, name, category, np.asarray(bounds), mass, number)
+        return cls(pool, name, category, np.asarray(bounds), mass, number, call)
 
 
 class PlacedScene(_Scene):
-    """A scene under construction, as a `placer` gets it."""
+    """A scene under construction, as a `placer` gets it.
+
+    Its assets belong to one call of the placer: every scene draws or loads its own.
+    """
 
     def __init__(self, supports: dict[str, Any], assets: _syntable.SceneAssets, seed: int) -> None:
         super().__init__(supports, seed)
         self._assets = assets
+        self._call = object()
 
     def draw(self, *pools: str) -> Asset:
         """Draws an object, uniformly over all objects of some pools.
@@ -146,7 +153,7 @@ class PlacedScene(_Scene):
         Raises:
             SyntableError: If a pool is unknown, or none of its objects can be used.
         """
-        return Asset._of(self._assets.draw(list(pools)))
+        return Asset._of(self._assets.draw(list(pools)), self._call)
 
     def load(self, pool: str, name: str) -> Asset:
         """The object of a name.
@@ -154,7 +161,7 @@ class PlacedScene(_Scene):
         Raises:
             SyntableError: If the pool has no such object, or it cannot be used.
         """
-        return Asset._of(self._assets.load(pool, name))
+        return Asset._of(self._assets.load(pool, name), self._call)
 
 
 class LitScene(_Scene):
@@ -200,37 +207,45 @@ class Output:
     ``verify`` compares them.
     """
 
-    def __init__(self, raw: _syntable.SceneOutput) -> None:
+    def __init__(self, raw: _syntable.SceneOutput, *, keeps_records: bool = True) -> None:
         self._raw = raw
+        self._keeps_records = keeps_records
 
     @property
     def folder(self) -> str:
         """The folder's name: the writer's id in the recipe."""
         return self._raw.id()
 
-    def write(self, name: str, content: bytes | str | npt.NDArray[Any]) -> None:
+    def write(self, name: str | PurePath, content: bytes | str | npt.NDArray[Any]) -> None:
         """Writes a file.
 
         Args:
             name: Its path in the folder, such as ``f"{view.name}.txt"``. Each file is written once.
-            content: Bytes; text, which is stored as UTF-8; or an array, which becomes a PNG file if the name ends in
-                ``.png`` (height × width × 3, uint8), and else an NPY file.
+            content: Bytes; text, which is stored as UTF-8; or an array. The name of an array ends in ``.npy``, or in
+                ``.png`` for an image: bool (stored as 0 and 255), uint8 or uint16 of height × width, or uint8 of
+                height × width × 3.
 
         Raises:
             TypeError: If the content is something else.
+            ValueError: If the name of an array has another ending.
             SyntableError: If the path leads out of the folder, exists already, or cannot be written.
         """
+        if isinstance(name, PurePath):
+            name = name.as_posix()
         if not isinstance(name, str):
-            raise TypeError(f"the name of a file is text, not {name!r}")
+            raise TypeError(f"the name of a file is text or a path, not {name!r}")
         self._raw.write(f"{self.folder}/{name}", _bytes(name, content))
 
     def record(self, value: Any) -> None:
         """Keeps a value for `finish`: numbers, text, lists and dicts, as JSON holds them. A resumed run still has it.
 
         Raises:
-            TypeError: If JSON has no such value.
+            TypeError: If JSON has no such value, or the class has no method ``finish``.
         """
-        self._raw.record(json.dumps(value, default=_json))
+        line = json.dumps(value, default=_json)
+        if not self._keeps_records:
+            raise TypeError("records are for the method finish(self, dataset, out), which the class lacks")
+        self._raw.record(line)
 
 
 def _bytes(name: str, content: Any) -> bytes:
@@ -241,10 +256,19 @@ def _bytes(name: str, content: Any) -> bytes:
     array = _as_array(content)
     if not isinstance(array, np.ndarray):
         raise TypeError(f"a file holds bytes, text or an array, not {_found(content)}")
-    if name.lower().endswith(".png"):
-        if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3:
-            raise TypeError(f"a PNG file holds uint8 of height × width × 3, not {_found(array)}")
+    ending = PurePosixPath(name).suffix.lower()
+    if ending == ".png":
+        # Of any byte order.
+        kind = (array.dtype.name, array.ndim)
+        is_image = kind in (("bool", 2), ("uint8", 2), ("uint16", 2)) or (kind == ("uint8", 3) and array.shape[2] == 3)
+        if not is_image or not array.size:
+            raise TypeError(
+                "a PNG file holds bool, uint8 or uint16 of height × width, or uint8 of height × width × 3, "
+                f"not {_found(array)}"
+            )
         return png(array)
+    if ending != ".npy":
+        raise ValueError(f"the name of an array's file ends in .npy or .png, not {name!r}")
     file = io.BytesIO()
     np.save(file, array, allow_pickle=False)
     return file.getvalue()

@@ -176,7 +176,7 @@ def writer(
     called with them. Its docstring is the help of the kind.
 
     One instance writes all scenes, several at a time, and a resumed run has a new one. So keep what `finish` needs with
-    ``out.record``, not in the instance.
+    ``out.record``, not in the instance. Both methods return nothing.
 
     Args:
         reads: Names of the products that it reads.
@@ -195,16 +195,24 @@ def writer(
         finish = getattr(cls, "finish", None)
 
         def write_view(self: Any, raw: Any, seed: int, shape: tuple[int, int], output: Any) -> None:
-            self.write(View(raw, seed, shape), Output(output))
+            out = Output(output, keeps_records=finish is not None)
+            _nothing(self.write(View(raw, seed, shape), out), "write", cls)
 
         def finish_dataset(self: Any, raw: Any, output: Any) -> None:
-            self.finish(Finished(raw), Output(output))
+            _nothing(self.finish(Finished(raw), Output(output)), "finish", cls)
 
         at_end = None if finish is None else _call(finish_dataset)
         _syntable.add_writer(_kind(kind_name, cls, table, make), _call(write_view), at_end, read, may_read)
         return cls
 
     return add
+
+
+def _nothing(returned: Any, method: str, cls: Any) -> None:
+    """Refuses a value that a method of a writer returned: nobody would read it."""
+    if returned is not None:
+        remedy = "out.write stores a file" + (", and out.record keeps a value for finish" if method == "write" else "")
+        raise _Refused(f"{method}() returns nothing, not {_found(returned)}: {remedy}", getattr(cls, method))
 
 
 def light(*, options: type | None = None, once_per_scene: bool = False, name: str | None = None) -> Callable[[_F], _F]:
@@ -249,7 +257,7 @@ def placer(*, options: type | None = None, name: str | None = None) -> Callable[
 
     The function gets a `PlacedScene`, and its options if it has some. It returns a list of dicts:
 
-    - ``asset``: an `Asset` from ``scene.draw(pool)`` or ``scene.load(pool, name)``;
+    - ``asset``: an `Asset` of this scene, from ``scene.draw(pool)`` or ``scene.load(pool, name)``;
     - ``pose``: where it is, 4 × 4, m, z up;
     - ``fixed``: whether it stays there; else it falls and collides. Default: False;
     - ``role``: ``object`` (annotated), ``distractor``, ``support`` or ``fixture``. Default: ``object``.
@@ -270,7 +278,7 @@ def placer(*, options: type | None = None, name: str | None = None) -> Callable[
         def call(supports: Any, assets: Any, seed: int, given: Any) -> list[Any]:
             scene = PlacedScene(supports, assets, seed)
             returned = function(scene) if options is None else function(scene, given)
-            return [_placed(one, number, function) for number, one in enumerate(_dicts(returned, function))]
+            return [_placed(one, number, scene, function) for number, one in enumerate(_dicts(returned, function))]
 
         _syntable.add_placer(_kind(kind_name, function, table, table.make), _call(call))
         return function
@@ -284,11 +292,12 @@ def asset_source(
     """Registers a class as a source of objects.
 
     The class has ``names(self)``, which returns the names of its objects, or a dict from names to categories; and
-    ``load(self, name)``, which returns a dict:
+    ``load(self, name)``, which returns a dict. Names and categories have at most 200 characters, and a name may have
+    folders, such as ``mugs/red``. The dict has:
 
     - ``vertices``: V × 3, m, z up; ``faces``: T × 3 indices, counter-clockwise seen from outside;
     - ``colors``: V × 3 in [0, 1], linear Rec. 709; optional;
-    - ``color``: the color of all faces, linear Rec. 709. Default: light gray, or white with ``colors``;
+    - ``color``: the color of all faces, in [0, 1], linear Rec. 709. Default: light gray, or white with ``colors``;
     - ``roughness``: in [0, 1]. Default: 0.5.
 
     If the source has options, the class is called with them.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ._arguments import Asset
+from ._arguments import Asset, PlacedScene
 from ._calls import _Refused
 from ._products import _as_array, _found
 
@@ -50,6 +51,14 @@ class _Fields:
             raise self.refused(f"`{key}` has the shape {sizes}, not {array.shape}")
         if not np.isfinite(array).all():
             raise self.refused(f"`{key}` is not finite: {_found(value)}")
+        return array
+
+    def colors(self, key: str, shape: tuple[int | None, ...], default: Any = None) -> npt.NDArray[np.float64]:
+        array = self.array(key, shape, default)
+        wrong = array[(array < 0) | (array > 1)]
+        if wrong.size:
+            remedy = ": divide by 255, and convert sRGB to linear" if wrong[0] > 1 else ""
+            raise self.refused(f"`{key}` is in [0, 1], linear Rec. 709, and has {wrong[0]:g}{remedy}")
         return array
 
     def vector(self, key: str) -> list[float]:
@@ -104,13 +113,19 @@ def _light(it: Mapping[str, Any], number: int, function: Any) -> tuple[Any, ...]
 _ROLES = ("object", "distractor", "support", "fixture")
 
 
-def _placed(it: Mapping[str, Any], number: int, function: Any) -> tuple[int, list[list[float]], str, bool]:
+def _placed(
+    it: Mapping[str, Any], number: int, scene: PlacedScene, function: Any
+) -> tuple[int, list[list[float]], str, bool]:
     """A body as the library takes it: number of its asset, pose, role, and whether it is fixed."""
     fields = _Fields(f"body {number}", it, ("asset", "pose", "fixed", "role"), function)
     asset, role, fixed = it.get("asset"), it.get("role", "object"), it.get("fixed", False)
     if not isinstance(asset, Asset):
         raise fields.refused(
             f"`asset` comes from scene.draw(pool) or scene.load(pool, name), and is not {_found(asset)}"
+        )
+    if asset._call is not scene._call:
+        raise fields.refused(
+            f"`asset` is {asset.pool}/{asset.name} of another scene: call scene.draw or scene.load in each scene"
         )
     if role not in _ROLES:
         raise fields.refused(f"`role` is one of {', '.join(_ROLES)}, not {role!r}")
@@ -136,6 +151,25 @@ class _Loaded:
     roughness: float
 
 
+#: Most characters of the name and the category of an asset.
+_LONGEST = 200
+
+
+def _fault_of_text(text: str, *, is_path: bool) -> str | None:
+    """What is wrong with the name or the category of an asset. Names are paths in a pool, as those of files are."""
+    if len(text) > _LONGEST:
+        return f"has {len(text)} characters; at most {_LONGEST} are allowed"
+    if any(unicodedata.category(one) in ("Cc", "Cs", "Zl", "Zp") for one in text):
+        return "has a control character"
+    if is_path and ("\\" in text or not all(part not in ("", ".", "..") for part in text.split("/"))):
+        return "is no relative path, such as red or mugs/red"
+    return None
+
+
+def _shortened(text: str) -> str:
+    return ascii(text) if len(text) <= 60 else f"{ascii(text[:57])}…"
+
+
 def _catalog(names: Any, kind: str, function: Any) -> list[tuple[str, str]]:
     if isinstance(names, str) or not isinstance(names, Iterable):
         raise _Refused(f"names() returns a list of names, or a dict to categories, not {_found(names)}", function)
@@ -143,6 +177,10 @@ def _catalog(names: Any, kind: str, function: Any) -> list[tuple[str, str]]:
     for name, category in pairs:
         if not isinstance(name, str) or not name or not isinstance(category, str):
             raise _Refused(f"names() returns texts, not {name!r}: {category!r}", function)
+        for what, text in (("name", name), ("category", category)):
+            fault = _fault_of_text(text, is_path=what == "name")
+            if fault is not None:
+                raise _Refused(f"names(): the {what} {_shortened(text)} {fault}", function)
     if len({name for name, _ in pairs}) < len(pairs):
         raise _Refused("names() returns a name twice", function)
     return pairs
@@ -155,7 +193,7 @@ def _loaded(it: Any, category: str, function: Any) -> _Loaded:
     vertices, faces = fields.array("vertices", (None, 3)), fields.array("faces", (None, 3))
     if (faces != np.floor(faces)).any() or faces.min(initial=0) < 0 or faces.max(initial=-1) >= len(vertices):
         raise fields.refused(f"`faces` are indices of the {len(vertices)} vertices, from 0")
-    colors = None if it.get("colors") is None else fields.array("colors", (len(vertices), 3)).astype(np.float32)
-    color = fields.array("color", (3,), (0.6,) * 3 if colors is None else (1.0,) * 3).tolist()
+    colors = None if it.get("colors") is None else fields.colors("colors", (len(vertices), 3)).astype(np.float32)
+    color = fields.colors("color", (3,), (0.6,) * 3 if colors is None else (1.0,) * 3).tolist()
     roughness = fields.number("roughness", 0, 1, 0.5)
     return _Loaded(category, vertices.astype(np.float32), faces.astype(np.uint32), colors, color, roughness)
