@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 import sys
 import threading
@@ -156,6 +157,55 @@ def test_a_buffer_draws_reproducibly(small):
     assert len(set(sum(batches, []))) > 6
     # The buffer holds the latest samples.
     assert all(scene >= 3 for scene, _ in batches[-1])
+
+
+@pytest.mark.parametrize("scenes", [6, None])
+@pytest.mark.parametrize("stop", [0, 1, 5, 9])
+def test_a_buffer_continues_from_its_state(small, stop, scenes):
+    def buffer():
+        recipe = tiny(small, scenes or 3)
+        stream = st.Stream(recipe, ["visible_ids"], rank=1, world=2, endless=scenes is None)
+        stream.load_state_dict({"next": 1})
+        return st.Buffer(stream, 4, start=2, reuse=2, seed=5, transform=place)
+
+    with buffer() as whole:
+        batches = [whole.batch(2) for _ in range(12)]
+    with buffer() as first:
+        before = [first.batch(2) for _ in range(stop)]
+        # What torch.save and JSON keep.
+        state = json.loads(json.dumps(first.state_dict()))
+    with buffer() as second:
+        second.batch(3)
+        second.load_state_dict(state)
+        assert second.state_dict() == state and second.taken == first.taken
+        assert before + [second.batch(2) for _ in range(12 - stop)] == batches
+
+
+def test_states_of_buffers_are_checked(small):
+    def buffer(size=2, **more):
+        return st.Buffer(st.Stream(tiny(small, 4), ["visible_ids"], **more), size, transform=place)
+
+    with buffer() as one:
+        one.batch(2)
+        one.batch(32)
+        state = one.state_dict()
+    assert len(state["held"]) == 2
+    with pytest.raises(ValueError, match="closed"):
+        one.state_dict()
+    for make, wrong, kind, words in [
+        (lambda: buffer(3), state, ValueError, "of a buffer of 2 samples, and this one holds 3"),
+        (buffer, {"next": 3}, TypeError, "what its state_dict"),
+        (buffer, state | {"held": [0]}, TypeError, "does not hold 1 samples"),
+        (buffer, state | {"held": [3, 7]}, ValueError, "the stream has view 4 where it had view 7"),
+        (lambda: buffer(rank=0, world=4), state | {"held": [1, 2]}, ValueError, "the stream ends where it had view 2"),
+        (lambda: st.Buffer([1, 2], 2), state, TypeError, "only a buffer of a Stream has a state.*of a list"),
+    ]:
+        with make() as another:
+            with pytest.raises(kind, match=words):
+                another.load_state_dict(wrong)
+            if kind is ValueError and "stream" in words:
+                with pytest.raises(ValueError, match="the buffer is closed"):
+                    another.batch(1)
 
 
 def test_a_buffer_without_reuse_never_waits():

@@ -156,6 +156,8 @@ class StreamLoop(Iterator[Sample]):
         # A new loop ends the ones before: they would take the same samples.
         self._turn = stream._turn = object()
         self._stream = stream
+        #: Position of the sample before the next one.
+        self.place = -1
         self._rank, self._world = stream.shard()
         first, end = stream._scenes
         turns, view = divmod(stream._next, stream._per_scene)
@@ -178,7 +180,7 @@ class StreamLoop(Iterator[Sample]):
             place = scene * stream._per_scene + sample.view
             # The scene may have views from before the stop.
             if place >= stream._next:
-                stream._next = place + 1
+                self.place, stream._next = place, place + 1
                 return sample
         self.close()
         stream._next, stream._turn = 0, object()
