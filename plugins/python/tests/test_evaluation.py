@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 
 import numpy as np
 import pytest
@@ -102,9 +103,18 @@ def test_the_labels_themselves_are_perfect(dataset):
     ]
     found = st.evaluate(dataset, labels)
     assert found.amodal_f == found.amodal_ap == found.occlusion_accuracy == 100.0
-    as_dataset = st.evaluate(dataset, dataset)
-    assert as_dataset.amodal_f == 100.0
-    assert st.evaluate(dataset, [{"masks": []}] * len(dataset)).predictions == 0
+    with pytest.warns(st.SyntableWarning, match="the predictions have no scores.*AP") as caught:
+        as_dataset = st.evaluate(dataset, dataset)
+    assert as_dataset.amodal_f == 100.0 and as_dataset.amodal_ap is None and caught[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert st.evaluate(dataset, [{"masks": []}] * len(dataset)).predictions == 0
+        assert st.evaluate(dataset, dataset, metrics=["amodal"]).amodal_f == 100.0
+
+
+def test_probabilities_may_be_rounded(dataset):
+    labels = [{"masks": np.where(sample.visible_masks, 1 + 1e-6, -1e-6)} for sample in dataset]
+    assert st.evaluate(dataset, labels).visible_f == 100.0
 
 
 def test_scores_by_image_average_to_the_scores(dataset, predictions):
@@ -164,6 +174,8 @@ def test_scores_are_saved_for_a_report(dataset, data, predictions, tmp_path):
 
 
 MASK = np.zeros((1, 48, 64), bool)
+LOGITS = np.full((2, 48, 64), 0.3, np.float32)
+LOGITS[1, 3, 2] = -4
 
 
 @pytest.mark.parametrize(
@@ -177,6 +189,11 @@ MASK = np.zeros((1, 48, 64), bool)
         ([{"masks": MASK, "score": [1.0]}] * 6, ValueError, "unknown fields 'score'"),
         ([{"masks": MASK[0]}] * 6, ValueError, "objects × height × width"),
         ([{"masks": MASK.astype(complex)}] * 6, TypeError, "complex"),
+        ([{"masks": LOGITS}] * 6, ValueError, r"predictions\[0\]\['masks'\]\[1\] is -4 at row 3, column 2; .* sigmoid"),
+        ([{"masks": list(LOGITS)}] * 6, ValueError, r"\['masks'\]\[1\] is -4 at row 3, column 2; .* sigmoid"),
+        ([{"masks": MASK + np.nan}] * 6, ValueError, r"\['masks'\]\[0\] is nan at row 0, column 0"),
+        ([{"masks": MASK, "amodal_masks": MASK + np.inf}] * 6, ValueError, r"\['amodal_masks'\]\[0\] is inf"),
+        ({0: {"masks": MASK}, 4: {"masks": MASK * 1.0 + 255}}, ValueError, r"predictions\[4\]\['masks'\]\[0\] is 255"),
         ([{"masks": MASK, "scores": [1.0, 2.0]}] * 6, ValueError, "1 'masks' and 2 'scores'"),
         ([{"masks": MASK, "scores": [float("nan")]}] * 6, st.SyntableError, "not a number"),
         ([{"masks": MASK, "scores": 1.0}] * 6, TypeError, "number for each object"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypedDict, Union
@@ -17,7 +18,7 @@ from ._arguments import optional_path, whole
 from .datasets import Dataset, named
 from .errors import SyntableError
 from .generating import thread_count
-from .progress import Progress, listener
+from .progress import Progress, SyntableWarning, listener
 
 __all__ = ["Evaluation", "Masks", "Prediction", "evaluate"]
 
@@ -207,7 +208,8 @@ def evaluate(
         dataset: Ground truth with amodal and visible masks: a dataset, or its path.
         predictions: A dict of arrays or tensors for each image, in the order of the dataset; see `Prediction`. Or a
             dict of such dicts, by the image's place or name; images without an entry have no predictions. Or files: a
-            dataset with predicted masks, or a JSON list of results.
+            dataset with predicted masks, or a JSON list of results. Without ``scores``, COCO's scores are None, and a
+            warning names what is missing.
         min_score: Minimum score of a prediction. COCO's scores use all predictions.
         occluded_from: Minimum occlusion rate of an occluded prediction; 0 for any hidden pixel, as in labels. Default:
             any hidden pixel if predictions have occlusion masks, else 0.05.
@@ -227,7 +229,8 @@ def evaluate(
 
     Raises:
         TypeError: If predictions have another form.
-        ValueError: If an argument has no such value, or arrays of an image have different lengths.
+        ValueError: If an argument has no such value, arrays of an image have different lengths, or a mask of floats has
+            a value that is no probability.
         SyntableError: If the dataset or a file cannot be read, masks have another size than their image, or the file to
             save exists.
     """
@@ -249,12 +252,20 @@ def evaluate(
         raise SyntableError(f"{file}: `save` would replace this file ({help})", file=file, help=help)
     given: Any
     if isinstance(predictions, (Dataset, str, os.PathLike)):
-        given = named(predictions)
+        given = named(predictions, "predictions")
     else:
         count = len(dataset if isinstance(dataset, Dataset) else Dataset(dataset))
         given = list(_objects(predictions, count))
     found = _syntable.evaluate(truth, given, options, thread_count(threads), listener(progress))
     json = found["json"]
+    precisions = [value for name, value in json["scores"].items() if name.endswith("_ap")]
+    if precisions and json["objects"] and json["predictions"] and all(value is None for value in precisions):
+        warnings.warn(
+            "the predictions have no scores, so that COCO's AP and AR are None: give each object a score, as in "
+            "[{'masks': …, 'scores': …}, …]",
+            SyntableWarning,
+            stacklevel=2,
+        )
     intervals = json.get("intervals")
     return Evaluation(
         images=json["images"],
@@ -408,8 +419,27 @@ def _inside(array: npt.NDArray[Any], place: str) -> npt.NDArray[np.bool_]:
     if kind in "iu":
         return np.asarray(array != 0)
     if kind == "f":
+        _check_probabilities(array, place)
         return np.asarray(array >= 0.5)
     raise TypeError(f"{place} is an array of truth values, integers or probabilities, not {_shape(array)}")
+
+
+#: What interpolation may add to probabilities by rounding.
+_ROUNDING = 1e-3
+
+
+def _check_probabilities(array: npt.NDArray[Any], place: str) -> None:
+    """Refuses logits and NaN, of which no threshold makes a mask."""
+    # NaN makes both ends NaN, and the comparison false.
+    if not array.size or (array.min() >= -_ROUNDING and array.max() <= 1 + _ROUNDING):
+        return
+    wrong = ~((array >= -_ROUNDING) & (array <= 1 + _ROUNDING))
+    where = tuple(int(one) for one in np.argwhere(wrong)[0])
+    # A single mask has no axis of objects, and its number is in the place.
+    mask = f"{place}[{where[0]}]" if len(where) == 3 else place
+    y, x = where[-2:]
+    remedy = "" if np.isnan(array[where]) else ": apply a sigmoid to logits, or compare them with 0"
+    raise ValueError(f"{mask} is {array[where]:g} at row {y}, column {x}; a probability is from 0 to 1{remedy}")
 
 
 def _shape(array: npt.NDArray[Any]) -> str:
