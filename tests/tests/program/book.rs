@@ -150,8 +150,10 @@ fn check_distribution(line: &str) {
 #[test]
 fn recipes_are_sound() {
     let folder = tempfile::tempdir().expect("a folder");
-    let program = root().join("plugins/stages/exec/examples/darkness.py");
-    fs::copy(program, folder.path().join("darkness.py")).expect("the program of a recipe");
+    let programs = root().join("plugins/stages/exec/examples");
+    for program in ["darkness.py", "ppm.sh"] {
+        fs::copy(programs.join(program), folder.path().join(program)).expect("the program of a recipe");
+    }
     let mut seen = 0;
     for page in written() {
         // These options belong to a plugin that the stock program lacks. `third_party.rs` checks them with a program
