@@ -14,9 +14,13 @@ pub fn exception(py: Python<'_>, error: &Error) -> PyErr {
     made(py, error).unwrap_or_else(|failed| failed)
 }
 
+/// Arguments of functions that are truth values: messages ask for them to be true.
+const SWITCHES: [&str; 5] = ["allow_code", "overwrite", "repair", "retry_failed", "rewrite"];
+
 /// A message with arguments of functions for the options that it names: each argument has the name of its field.
 pub fn with_arguments(message: &str) -> String {
-    with_options(message, |name| format!("`{name}`")).into_owned()
+    let argument = |name: &str| if SWITCHES.contains(&name) { format!("`{name}=True`") } else { format!("`{name}`") };
+    with_options(message, argument).into_owned()
 }
 
 fn made(py: Python<'_>, error: &Error) -> PyResult<PyErr> {

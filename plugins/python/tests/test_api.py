@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import copy
+import multiprocessing
 import pickle
+import shutil
 import subprocess
 import sys
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
@@ -40,7 +44,7 @@ def test_a_recipe_is_the_same_from_file_text_and_dicts(tmp_path):
     several = {"dataset.scenes": 3, "camera.resolution": [32, 24]}
     assert str(made.set(several)) == str(changed.set("camera.resolution", [32, 24]))
     assert str(pickle.loads(pickle.dumps(changed))) == str(changed)
-    assert "quickstart" in st.recipes()
+    assert "quickstart" in st.recipes() and str(st.recipe("builtin:quickstart")) == str(st.recipe("quickstart"))
 
 
 def test_all_mistakes_come_at_once(tmp_path):
@@ -117,8 +121,6 @@ def test_a_dataset_reads_by_place_and_converts(dataset, tmp_path):
 def test_validate_is_sound_and_names_faults(dataset, data, tmp_path):
     found = st.validate(dataset)
     assert found and found.sound and found.images == 6 and found.checks
-    import shutil
-
     broken = tmp_path / "broken"
     shutil.copytree(data, broken)
     next(broken.rglob("rgb/0_0.png")).unlink()
@@ -136,9 +138,106 @@ def test_a_run_continues_and_repairs(data, small, tmp_path):
 
 
 def test_errors_name_arguments_of_functions(data, small):
-    with pytest.raises(st.SyntableError, match="`overwrite`") as caught:
+    with pytest.raises(st.SyntableError, match="`overwrite=True`") as caught:
         st.run(small.set("camera.resolution", [80, 60]), data)
     assert "options." not in f"{caught.value} {caught.value.message} {caught.value.help}"
+
+
+def same(one, other):
+    """Whether two samples have the same products."""
+    assert (one.scene, one.view, one.name, one.products) == (other.scene, other.view, other.name, other.products)
+    for name in one.products:
+        if isinstance(one[name], np.ndarray):
+            assert one[name].dtype == other[name].dtype and np.array_equal(one[name], other[name]), name
+        else:
+            assert repr(one[name]) == repr(other[name]), name
+    for name in ("ids", "visible_masks", "amodal_masks", "occlusion_masks", "amodal_boxes", "occlusion_rates"):
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    assert one.shape == other.shape and [it.name for it in one.objects] == [it.name for it in other.objects]
+    return True
+
+
+COPIES = [copy.copy, copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))]
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_samples_are_copied_and_pickled(number, small, dataset):
+    again = COPIES[number]
+    made = next(st.generate(small))
+    few = next(st.generate(small, ["rgb", "visible_mask", "amodal_mask", "amodal_box", "occlusion_rate"]))
+    for sample in (made, few, dataset[1]):
+        fresh = again(sample)
+        assert same(fresh, sample) and same(again(fresh), sample)
+        with pytest.raises(KeyError, match="the sample has no `nonsense`, only"):
+            fresh["nonsense"]
+        with pytest.raises(st.SyntableError, match="mask per object"):
+            fresh._raw.masks("rgb", [1])
+    # What a caller changes is in the copy, and what the copy changes is not in the original.
+    sample = dataset[0]
+    sample.rgb[:] = 7
+    fresh = again(sample)
+    assert (fresh.rgb == 7).all()
+    if again is not copy.copy:
+        fresh.rgb[:] = 8
+        assert (sample.rgb == 7).all()
+
+
+def test_processes_return_samples_and_open_their_dataset_once(data, dataset, monkeypatch):
+    from syntable import samples
+
+    opened = []
+    monkeypatch.setattr(samples, "_opened", counted(samples._opened, opened))
+    samples._opened.cache_clear()
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        found = list(pool.map(without_reading, [str(data)] * 4, [0, 3, 5, 3]))
+    assert [one.name for one in found] == [dataset[place].name for place in (0, 3, 5, 3)]
+    assert all(same(one, dataset[place]) for one, place in zip(found, (0, 3, 5, 3), strict=True))
+    assert samples._opened.cache_info().misses == 1 and len(set(opened)) == 1
+
+
+def without_reading(path, place):
+    return st.open(path)[place]
+
+
+def counted(function, calls):
+    def call(*arguments):
+        calls.append(arguments)
+        return function(*arguments)
+
+    call.cache_clear, call.cache_info = function.cache_clear, function.cache_info
+    return call
+
+
+def test_a_pickled_sample_of_another_dataset_is_refused(data, tmp_path):
+    shutil.copytree(data, tmp_path / "data")
+    stored = pickle.dumps(st.open(tmp_path / "data")[5])
+    shutil.rmtree(tmp_path / "data")
+    with pytest.raises(st.SyntableError, match="no such folder"):
+        pickle.loads(stored)
+    st.run(small_recipe(**{"dataset.scenes": 1}), tmp_path / "data")
+    with pytest.raises(st.SyntableError, match="image 5 is not `"):
+        pickle.loads(stored)
+
+
+def test_counts_of_numpy_are_integers(small, dataset):
+    for scenes in (np.int64(1), np.array([1, 2]), (np.uint8(1), np.int32(2)), np.array(1)):
+        samples = list(st.generate(small, ["rgb"], scenes=scenes, threads=np.int64(1)))
+        assert [one.scene for one in samples] == [1, 1]
+    assert dataset[np.uint8(5)].name == dataset[5].name
+    for wrong in (np.bool_(True), 1.0, (0.5, 2), np.array([1.0, 2.0]), "1"):
+        with pytest.raises(TypeError, match="scenes is a range"):
+            st.generate(small, scenes=wrong)
+
+
+def test_a_conversion_that_leaves_out_images_is_false(data, tmp_path):
+    assert st.convert(data, tmp_path / "whole", "coco")
+    damaged = tmp_path / "damaged"
+    shutil.copytree(data, damaged)
+    image = next(damaged.rglob("rgb/1_0.png"))
+    image.write_bytes(image.read_bytes()[:100])
+    found = st.convert(damaged, tmp_path / "part", "coco")
+    assert found.left_out and not found and not found.complete
+    assert command("convert", damaged, "--to", "coco", "--out", tmp_path / "other").returncode == 3
 
 
 def test_images_need_nothing(dataset, tmp_path):
@@ -146,4 +245,8 @@ def test_images_need_nothing(dataset, tmp_path):
     assert sample._repr_png_().startswith(b"\x89PNG")
     sample.save(tmp_path / "sample.png")
     assert (tmp_path / "sample.png").read_bytes() == sample._repr_png_()
+    for name in ("sample.jpg", "sample", "png", "sample.png.gz"):
+        with pytest.raises(ValueError, match="end its name in .png"):
+            sample.save(tmp_path / name)
+        assert not (tmp_path / name).exists()
     assert "quickstart" in repr(st.recipe("quickstart")) and "<pre>" in small_recipe()._repr_html_()

@@ -17,6 +17,7 @@ import pytest
 
 import syntable as st
 
+CODE = {"exec": {"include": ["rgb"], "program": {"file": sys.executable}}}
 RLE = {"size": [4, 4], "counts": [4, 12]}
 
 
@@ -51,6 +52,10 @@ CALLS = [
     (lambda s, d, t: st.Recipe(t / "missing.toml"), st.SyntableError, "missing.toml"),
     (lambda s, d, t: st.Recipe(t), st.SyntableError, "folder"),
     (lambda s, d, t: st.recipe("nonsense"), st.SyntableError, "nonsense"),
+    (lambda s, d, t: st.recipe("my.toml"), ValueError, r"st.Recipe\('my.toml'\)"),
+    (lambda s, d, t: st.recipe(t / "my.toml"), TypeError, r"st.Recipe\('.*my.toml'\)"),
+    (lambda s, d, t: st.recipe(3), TypeError, r"st.Recipe\('my.toml'\)"),
+    (lambda s, d, t: st.Recipe(""), ValueError, "path is an empty path"),
     (lambda s, d, t: st.Recipe.from_dict({"dataset": {"scenes": None}}), TypeError, "None"),
     (lambda s, d, t: st.Recipe.from_dict({"dataset": {"scenes": object()}}), TypeError, "dataset.scenes"),
     (lambda s, d, t: st.Recipe.from_dict({3: 4}), TypeError, "3"),
@@ -68,17 +73,30 @@ CALLS = [
     (lambda s, d, t: st.run(s, t / "x", scenes=range(2, 9)), st.SyntableError, "0..3"),
     (lambda s, d, t: st.run(s, t / "x", progress=3), TypeError, "progress"),
     (lambda s, d, t: st.run(s, 3), TypeError, "out is a path"),
+    (lambda s, d, t: st.run(s, ""), ValueError, "out is an empty path"),
+    (lambda s, d, t: st.run("", t / "x"), ValueError, "path is an empty path"),
     (lambda s, d, t: st.run([1], t / "x"), TypeError, "recipe"),
     (lambda s, d, t: st.run(3, t / "x"), TypeError, "recipe"),
     (lambda s, d, t: st.generate(s, "rgb"), TypeError, "list of names"),
     (lambda s, d, t: st.generate(s, [3]), TypeError, "named by text"),
     (lambda s, d, t: next(st.generate(s, ["nonsense"])), st.SyntableError, "nonsense"),
+    (lambda s, d, t: st.generate(s, ["rbg"]), st.RecipeError, r"mean `rgb`\? `syntable list products` lists all\n"),
+    (lambda s, d, t: st.Views(s, ["rbg"])[0], st.RecipeError, "did you mean `rgb`"),
     (lambda s, d, t: st.open(t / "nowhere"), st.SyntableError, "nowhere"),
     (lambda s, d, t: st.open(d, format="nonsense"), st.SyntableError, "nonsense"),
+    (lambda s, d, t: st.open(""), ValueError, "path is an empty path"),
+    (lambda s, d, t: st.open(d, image_folder=""), ValueError, "image_folder is an empty path"),
     (lambda s, d, t: st.open(d)[6], IndexError, "image 6 of"),
     (lambda s, d, t: st.open(d)["first"], TypeError, "integer"),
     (lambda s, d, t: st.open(d)[0]["nonsense"], KeyError, "nonsense"),
     (lambda s, d, t: st.open(d)[0].nonsense, AttributeError, "nonsense"),
+    (lambda s, d, t: st.open(d)[0]["rbg"], KeyError, "has no `rbg`: did you mean `rgb`"),
+    (lambda s, d, t: next(st.generate(s, ["rgb"]))["amodal_box"], KeyError, "has no `amodal_box`, only camera"),
+    (lambda s, d, t: st.open(d)[0].rbg, AttributeError, "has no `rbg`: did you mean `rgb`"),
+    (lambda s, d, t: st.open(d)[0][0], TypeError, r"named by text, such as sample\['rgb'\], not 0"),
+    (lambda s, d, t: list(st.open(d)[0]), TypeError, "a sample is not iterable: sample.products"),
+    (lambda s, d, t: dict(st.open(d)[0]), TypeError, "a sample is not iterable: sample.products"),
+    (lambda s, d, t: len(st.open(d)[0]), TypeError, "no len"),
     (lambda s, d, t: st.open(d)[0].read("nonsense"), KeyError, "nonsense"),
     (lambda s, d, t: st.open(d)._raw.sample(6), IndexError, "6 images"),
     (lambda s, d, t: st.open(d)._raw.sample(-1), OverflowError, "negative"),
@@ -87,17 +105,25 @@ CALLS = [
     (lambda s, d, t: st.convert(d, t / "x", "nonsense"), st.SyntableError, "nonsense"),
     (lambda s, d, t: st.convert(d, t / "x", "coco", coco={"nonsense": 1}), st.SyntableError, "nonsense"),
     (lambda s, d, t: st.convert(3, t / "x", "coco"), TypeError, "dataset"),
+    (lambda s, d, t: st.convert(d, "", "coco"), ValueError, "out is an empty path"),
+    (lambda s, d, t: st.report(d, ""), ValueError, "out is an empty path"),
     (lambda s, d, t: st.validate(t), st.SyntableError, "dataset"),
     (lambda s, d, t: st.stats(d, edges="none"), ValueError, "edges"),
     (lambda s, d, t: st.stats(d, duplicate_levels=300), ValueError, "duplicate_levels"),
     (lambda s, d, t: st.compare(), TypeError, "datasets"),
     (lambda s, d, t: st.plan(s, measured=0), ValueError, "measured"),
     (lambda s, d, t: st.merge([], t / "x"), st.SyntableError, "no part"),
+    (lambda s, d, t: st.merge([""], t / "x"), ValueError, r"parts\[0\] is an empty path"),
     (lambda s, d, t: st.verify(t), st.SyntableError, "no dataset"),
+    (lambda s, d, t: st.verify(""), ValueError, "dataset is an empty path"),
+    (lambda s, d, t: st.validate(""), ValueError, "dataset is an empty path"),
+    (lambda s, d, t: st.evaluate(d, ""), ValueError, "predictions is an empty path"),
     (lambda s, d, t: st.view(d, port=70000), ValueError, "port"),
     (lambda s, d, t: st.view(t / "nowhere"), st.SyntableError, "nowhere"),
     (lambda s, d, t: st.preview(s, width=1), ValueError, "width"),
     (lambda s, d, t: st.preview(s.set("render.kind", "fast")), st.RecipeError, "fast"),
+    (lambda s, d, t: st.preview(s.set("write", CODE)), st.SyntableError, "brings code of its own.*`allow_code=True`"),
+    (lambda s, d, t: next(st.generate(s.set("write", CODE))), st.SyntableError, "`allow_code=True`"),
     (lambda s, d, t: st.Mask(np.zeros((2, 2, 2), bool)), TypeError, "shape .2, 2, 2."),
     (lambda s, d, t: st.Mask(np.zeros((2, 2))), TypeError, "float64"),
     (lambda s, d, t: st.Mask([[True]]), TypeError, "list"),
@@ -111,11 +137,14 @@ CALLS = [
 
 
 @pytest.mark.parametrize("number", range(len(CALLS)))
-def test_a_wrong_call_is_a_clear_exception(number, small, data, tmp_path):
+def test_a_wrong_call_is_a_clear_exception(number, small, data, tmp_path, monkeypatch):
+    # An empty path must not mean the current folder.
+    monkeypatch.chdir(tmp_path)
     call, kind, words = CALLS[number]
     with pytest.raises(kind, match=words) as caught:
         call(small, data, tmp_path)
     assert str(caught.value).strip()
+    assert sorted(os.listdir(tmp_path)) == [], "nothing is written"
 
 
 def test_an_exception_of_a_callback_ends_the_work_and_comes_out(small, data, tmp_path):

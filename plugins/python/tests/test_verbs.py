@@ -95,6 +95,8 @@ def test_a_preview_is_an_array(small):
     assert sheet.image.dtype == np.uint8 and sheet.image.ndim == 3 and sheet.failed == 0
     assert wide.image.shape[1] > sheet.image.shape[1] and sheet.image.flags["W"]
     assert sheet._repr_png_().startswith(b"\x89PNG") and np.asarray(sheet).shape == sheet.image.shape
+    with pytest.raises(ValueError, match="end its name in .png, not 'sheet.jpg'"):
+        sheet.save("sheet.jpg")
 
 
 def test_what_cannot_be_read_is_a_warning(data, tmp_path):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from typing import Any
+
+import numpy as np
 
 
 def path(value: Any, name: str) -> str:
@@ -11,9 +14,12 @@ def path(value: Any, name: str) -> str:
 
     Raises:
         TypeError: If it is none.
+        ValueError: If it is empty.
     """
     if isinstance(value, (str, os.PathLike)):
         text = os.fspath(value)
+        if text == "":
+            raise ValueError(f"{name} is an empty path; the current folder is '.'")
         if isinstance(text, str):
             return text
     raise TypeError(f"{name} is a path, not {value!r}")
@@ -24,6 +30,29 @@ def optional_path(value: Any, name: str) -> str | None:
     return None if value is None else path(value, name)
 
 
+def png_path(value: Any) -> str:
+    """The path of an image that is written as PNG.
+
+    Raises:
+        TypeError: If it is no path.
+        ValueError: If it does not end in ``.png``.
+    """
+    text = path(value, "path")
+    if not text.lower().endswith(".png"):
+        raise ValueError(f"the image is a PNG file: end its name in .png, not {os.path.basename(text)!r}")
+    return text
+
+
+def index(value: Any) -> int | None:
+    """An integer of Python, NumPy or PyTorch; None for anything else, and for truth values."""
+    if isinstance(value, (bool, np.bool_)):
+        return None
+    try:
+        return operator.index(value)
+    except TypeError:
+        return None
+
+
 def whole(value: Any, name: str, least: int, most: int = 2**63 - 1) -> int:
     """An integer.
 
@@ -31,9 +60,9 @@ def whole(value: Any, name: str, least: int, most: int = 2**63 - 1) -> int:
         TypeError: If it is not an integer.
         ValueError: If it is out of range.
     """
-    if isinstance(value, bool) or not hasattr(value, "__index__"):
+    number = index(value)
+    if number is None:
         raise TypeError(f"{name} is an integer, not {value!r}")
-    number = int(value.__index__())
     if not least <= number <= most:
         ends = f"at least {least}" if most == 2**63 - 1 else f"between {least} and {most}"
         raise ValueError(f"{name} is {ends}, not {number}")

@@ -87,7 +87,7 @@ class Dataset(Sequence[Sample]):
         place += len(self) if place < 0 else 0
         if not 0 <= place < len(self):
             raise IndexError(f"image {index} of a dataset of {len(self)} images")
-        return Sample(self._raw.sample(place))
+        return Sample(self._raw.sample(place), (self._named, place))
 
     def to_coco(self, out: str | os.PathLike[str], **options: Any) -> Dataset:
         """Writes it in the format of COCO, into a new or empty folder. Options are those of the writer ``coco``."""
@@ -153,10 +153,12 @@ def open(
     return Dataset(path, format=format, image_folder=image_folder, trust_paths=trust_paths)
 
 
-def named(dataset: Dataset | str | os.PathLike[str]) -> tuple[str, str | None, str | None, bool]:
+def named(
+    dataset: Dataset | str | os.PathLike[str], argument: str = "dataset"
+) -> tuple[str, str | None, str | None, bool]:
     """A dataset as functions take it: an open one, or a path."""
     if isinstance(dataset, Dataset):
         return dataset._named
     if isinstance(dataset, (str, os.PathLike)):
-        return (os.fspath(dataset), None, None, False)
+        return (_arguments.path(dataset, argument), None, None, False)
     raise TypeError(f"a dataset is a Dataset or a path, not {dataset!r}")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from types import TracebackType
 from typing import Any
 
 from . import _syntable
+from ._arguments import index, whole
 from .progress import Progress, listener
 from .recipes import Recipe, as_recipe
 from .samples import Sample
@@ -70,15 +72,15 @@ def scene_range(scenes: range | tuple[int, int] | int | None) -> tuple[int, int]
         return None
     if isinstance(scenes, bool):
         raise TypeError("scenes is a range, such as range(0, 10)")
-    if isinstance(scenes, int):
-        scenes = range(scenes, scenes + 1)
+    one = index(scenes)
+    if one is not None:
+        scenes = range(one, one + 1)
     if isinstance(scenes, range):
         if scenes.step != 1:
             raise ValueError(f"scenes are made one after the other: {scenes} has steps of {scenes.step}")
         scenes = (scenes.start, scenes.stop)
     try:
-        first, end = scenes
-        first, end = int(first), int(end)
+        first, end = map(operator.index, scenes)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         raise TypeError(f"scenes is a range, such as range(0, 10), not {scenes!r}") from None
     if not 0 <= first < end < 2**32:
@@ -93,13 +95,7 @@ def thread_count(threads: int | None) -> int | None:
         TypeError: If it is not an integer.
         ValueError: If it is not between 1 and 1024.
     """
-    if threads is None:
-        return None
-    if not isinstance(threads, int) or isinstance(threads, bool):
-        raise TypeError(f"threads is an integer, not {threads!r}")
-    if not 1 <= threads <= 1024:
-        raise ValueError(f"threads is between 1 and 1024, not {threads}")
-    return threads
+    return None if threads is None else whole(threads, "threads", 1, 1024)
 
 
 class Generation(Iterator[Sample]):

@@ -139,8 +139,23 @@ class Recipe:
 
 
 def recipe(name: str) -> Recipe:
-    """A recipe of the package, such as ``quickstart``. `recipes` lists them."""
-    return Recipe(f"builtin:{name}")
+    """A recipe of the package, such as ``quickstart``. `recipes` lists them. ``Recipe("my.toml")`` reads a file.
+
+    Raises:
+        TypeError: If the name is not text.
+        ValueError: If it is the path of a file.
+        SyntableError: If the package has no such recipe.
+    """
+    if isinstance(name, os.PathLike):
+        raise TypeError(f"st.recipe takes the name of a recipe of the package; st.Recipe({str(name)!r}) reads a file")
+    if not isinstance(name, str):
+        raise TypeError(
+            f"st.recipe takes the name of a recipe of the package, such as 'quickstart', not {name!r}: "
+            "st.Recipe('my.toml') reads a file, and st.Recipe.from_dict takes dicts"
+        )
+    if name.lower().endswith(".toml"):
+        raise ValueError(f"st.recipe takes the name of a recipe of the package; st.Recipe({name!r}) reads a file")
+    return Recipe(f"builtin:{name.removeprefix('builtin:')}")
 
 
 def recipes() -> dict[str, str]:

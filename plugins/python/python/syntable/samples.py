@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _syntable
+from ._arguments import png_path
 from .errors import SyntableError
 
 if TYPE_CHECKING:
     import networkx  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
+    from .datasets import Dataset
+
 __all__ = ["Camera", "Object", "Sample"]
 
 _IDENTITY = np.eye(4)
+
+#: An image of a dataset: the arguments that open the dataset, and the place of the image in it.
+_Place = tuple[tuple[str, "str | None", "str | None", bool], int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,10 +107,14 @@ class Sample:
     values of all objects into one array, with a row for each of ``ids``.
 
     A sample of a dataset reads a product from its files when it is first asked for.
+
+    A sample can be copied and pickled. The pickle of a made sample has all its products. That of a sample of a dataset
+    has the products that were read, and opens the dataset by its path for the others: once in each process.
     """
 
-    def __init__(self, raw: _syntable.Sample) -> None:
+    def __init__(self, raw: _syntable.Sample | _Held, place: _Place | None = None) -> None:
         self._raw = raw
+        self._place = place
         self._made: dict[str, Any] = {}
 
     @property
@@ -131,11 +142,25 @@ class Sample:
 
         Raises:
             KeyError: If the sample has no such product.
+            TypeError: If the name is not text.
             SyntableError: If a file cannot be read.
         """
+        if not isinstance(product, str):
+            raise TypeError(f"a product is named by text, such as sample['rgb'], not {product!r}: see sample.products")
         if product not in self._made:
-            self._made[product] = self._raw.get(product)
+            try:
+                self._made[product] = self._raw.get(product)
+            except KeyError as error:
+                # A stage learns which products it reads, and everyone else which product is meant.
+                text, only, known = error.args[0].partition(", only ")
+                near = _syntable.nearest(product, self.products) if only else None
+                raise KeyError(f"{text}: did you mean `{near}`?" if near else text + only + known) from None
         return self._made[product]
+
+    def __iter__(self) -> NoReturn:
+        raise TypeError(
+            "a sample is not iterable: sample.products has the names of its products, and sample['rgb'] is one of them"
+        )
 
     def __contains__(self, product: str) -> bool:
         return isinstance(product, str) and self._raw.has(product)
@@ -284,16 +309,40 @@ class Sample:
         parts striped, outlines of the amodal masks.
 
         Raises:
+            ValueError: If the path does not end in ``.png``.
             SyntableError: If a product cannot be read.
             OSError: If the file cannot be written.
         """
         from .drawing import png, sheet
 
-        with open(path, "wb") as file:
-            file.write(png(sheet(self)))
+        file_path = png_path(path)
+        image = png(sheet(self))
+        with open(file_path, "wb") as file:
+            file.write(image)
 
     def __repr__(self) -> str:
         return f"Sample({self.name}: {', '.join(self.products)})"
+
+    def _state(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_raw"}
+
+    def _with(self, raw: _syntable.Sample | _Held, state: dict[str, Any]) -> Sample:
+        made = type(self).__new__(type(self))
+        made.__dict__.update(state, _raw=raw)
+        return made
+
+    def __copy__(self) -> Sample:
+        return self._with(self._raw, {**self._state(), "_made": dict(self._made)})
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Sample:
+        # The library gives every caller arrays of its own, so that the raw sample never changes.
+        raw = copy.deepcopy(self._raw, memo) if isinstance(self._raw, _Held) else self._raw
+        return self._with(raw, copy.deepcopy(self._state(), memo))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self._place is None:
+            return (_held, (type(self), self._state(), _Held.of(self)))
+        return (_stored, (type(self), self._state(), self.name))
 
     def _repr_png_(self) -> bytes | None:
         from .drawing import png, sheet
@@ -302,3 +351,81 @@ class Sample:
             return png(sheet(self))
         except (ImportError, SyntableError, KeyError):
             return None
+
+
+@dataclass
+class _Held:
+    """The products of a sample that pickle stored. Its methods are those of the library's sample."""
+
+    scene: int
+    view: int
+    name: str
+    values: dict[str, Any]
+    of_objects: list[int]
+
+    @classmethod
+    def of(cls, sample: Sample) -> _Held:
+        values = {name: sample[name] for name in sample.products}
+        return cls(sample.scene, sample.view, sample.name, values, sample.ids.tolist())
+
+    def names(self) -> list[str]:
+        return list(self.values)
+
+    def has(self, name: str) -> bool:
+        return name in self.values
+
+    def get(self, name: str) -> Any:
+        if name not in self.values:
+            raise KeyError(f"the sample has no `{name}`, only {', '.join(self.values)}")
+        return self.values[name]
+
+    def read(self, names: list[str]) -> None:
+        for name in names:
+            self.get(name)
+
+    def ids(self) -> list[int]:
+        return self.of_objects
+
+    def masks(self, name: str, ids: list[int]) -> npt.NDArray[np.bool_]:
+        each = self.get(name)
+        if not isinstance(each, dict) or not all(isinstance(mask, _syntable.Mask) for mask in each.values()):
+            raise SyntableError(f"`{name}` is not a mask per object")
+        shape = next((mask.shape for mask in each.values()), (0, 0))
+        stacked = np.zeros((len(ids), *shape), dtype=bool)
+        for row, id in enumerate(ids):
+            if id in each:
+                stacked[row] = each[id].array()
+        return stacked
+
+
+def _held(kind: type[Sample], state: dict[str, Any], held: _Held) -> Sample:
+    """The made sample that pickle stored."""
+    sample = kind.__new__(kind)
+    sample.__dict__.update(state, _raw=held)
+    return sample
+
+
+@lru_cache(maxsize=4)
+def _opened(path: str, format: str | None, image_folder: str | None, trust_paths: bool) -> Dataset:
+    """The dataset of samples that pickle stored: all samples of this process share it."""
+    from .datasets import Dataset
+
+    return Dataset(path, format=format, image_folder=image_folder, trust_paths=trust_paths)
+
+
+def _stored(kind: type[Sample], state: dict[str, Any], name: str) -> Sample:
+    """The sample of a dataset that pickle stored.
+
+    Raises:
+        SyntableError: If the dataset cannot be opened, or has another image at this place.
+    """
+    named, place = state["_place"]
+    for _ in range(2):
+        dataset = _opened(*named)
+        if place < len(dataset) and dataset[place].name == name:
+            sample = kind.__new__(kind)
+            sample.__dict__.update(state, _raw=dataset[place]._raw)
+            return sample
+        # The dataset may have changed since it was opened here.
+        _opened.cache_clear()
+    raise SyntableError(f"{named[0]}: image {place} is not `{name}`, as it was when the sample was pickled")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
@@ -12,10 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _syntable
-from ._arguments import optional_path, whole
+from ._arguments import optional_path, png_path, whole
 from .datasets import Dataset, named
+from .errors import RecipeError, SyntableError
 from .generating import scene_range, thread_count
-from .progress import Progress, listener
+from .progress import Event, Progress, listener
 from .recipes import Recipe, as_recipe
 
 __all__ = ["Preview", "Report", "View", "preview", "report", "view"]
@@ -170,8 +171,13 @@ class Preview:
         return np.array(self.image, dtype=dtype) if copy else np.asarray(self.image, dtype=dtype)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the sheet as a PNG file."""
-        with open(path, "wb") as file:
+        """Writes the sheet as a PNG file.
+
+        Raises:
+            ValueError: If the path does not end in ``.png``.
+            OSError: If the file cannot be written.
+        """
+        with open(png_path(path), "wb") as file:
             file.write(self._repr_png_())
 
     def __repr__(self) -> str:
@@ -209,18 +215,43 @@ def preview(
 
     Raises:
         RecipeError: If the recipe has mistakes.
+        SyntableError: If nothing can be rendered, as when the recipe brings code and ``allow_code`` is False.
         ValueError: If a number is out of range.
         KeyboardInterrupt: After Ctrl-C.
     """
     samples, width = whole(samples, "samples", 1, 1 << 20), whole(width, "width", 16, 4096)
-    image, failed = _syntable.preview(
-        as_recipe(recipe)._raw,
-        scene_range(scenes),
-        samples,
-        width,
-        bool(labels),
-        thread_count(threads),
-        bool(allow_code),
-        listener(progress),
-    )
+    heard = _Errors(listener(progress), passes_on=callable(progress))
+    try:
+        image, failed = _syntable.preview(
+            as_recipe(recipe)._raw,
+            scene_range(scenes),
+            samples,
+            width,
+            bool(labels),
+            thread_count(threads),
+            bool(allow_code),
+            heard,
+        )
+    except SyntableError as error:
+        if isinstance(error, RecipeError) or heard.last is None:
+            raise
+        raise heard.last from None
     return Preview(image, failed)
+
+
+class _Errors:
+    """A listener that keeps the last error of a preview, which is the reason if nothing is rendered."""
+
+    def __init__(self, listen: Callable[[Event], None], *, passes_on: bool) -> None:
+        self.listen = listen
+        self.passes_on = passes_on
+        self.last: SyntableError | None = None
+
+    def __call__(self, event: Event) -> None:
+        is_error = event["event"] == "message" and event["level"] == "error"
+        if is_error:
+            message, help = event["message"], "; ".join(event.get("help", ()))
+            text = event.get("rendered") or (f"{message} ({help})" if help else message)
+            self.last = SyntableError(text.rstrip(), message=message, help=help or None)
+        if self.passes_on or not is_error:
+            self.listen(event)

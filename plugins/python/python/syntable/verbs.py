@@ -199,7 +199,7 @@ def verify(dataset: Dataset | str | os.PathLike[str], *, threads: int | None = N
 
 @dataclass(frozen=True)
 class Conversion:
-    """The result of a conversion.
+    """The result of a conversion. It is true if the new dataset is complete.
 
     Attributes:
         path: Folder of the new dataset.
@@ -214,6 +214,14 @@ class Conversion:
     images: int
     lacking: list[str]
     left_out: list[str]
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is left out: the command would end with exit code 0."""
+        return not self.left_out
+
+    def __bool__(self) -> bool:
+        return self.complete
 
 
 def convert(

@@ -27,6 +27,13 @@ impl Declared {
     }
 }
 
+/// The name of a product that is meant by a misspelled one.
+#[pyfunction]
+#[pyo3(name = "nearest")]
+pub fn near(name: &str, known: Vec<String>) -> Option<String> {
+    nearest(name, known.iter().map(String::as_str)).map(str::to_owned)
+}
+
 /// The keys of products that a stage reads.
 ///
 /// # Errors
