@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import os
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypedDict, Union
@@ -18,7 +17,7 @@ from ._arguments import optional_path, whole
 from .datasets import Dataset, named
 from .errors import SyntableError
 from .generating import thread_count
-from .progress import Progress, SyntableWarning, listener
+from .progress import Progress, listener, warn
 
 __all__ = ["Evaluation", "Masks", "Prediction", "evaluate"]
 
@@ -260,11 +259,9 @@ def evaluate(
     json = found["json"]
     precisions = [value for name, value in json["scores"].items() if name.endswith("_ap")]
     if precisions and json["objects"] and json["predictions"] and all(value is None for value in precisions):
-        warnings.warn(
+        warn(
             "the predictions have no scores, so that COCO's AP and AR are None: give each object a score, as in "
-            "[{'masks': …, 'scores': …}, …]",
-            SyntableWarning,
-            stacklevel=2,
+            "[{'masks': …, 'scores': …}, …]"
         )
     intervals = json.get("intervals")
     return Evaluation(
