@@ -116,6 +116,15 @@ pub const TEXT_BYTES: Limit = Limit {
     remedy: "write one line per view (`per = \"view\"`), or large arrays with `npz`",
 };
 
+/// Bytes of the declarations of products in a dataset.
+pub const DECLARED_BYTES: Limit = Limit {
+    what: "bytes of the declarations of products in a dataset",
+    most: 1 << 16,
+    is_bytes: true,
+    why: "some hundred products; the program keeps their names until it ends",
+    remedy: "declare only products that the files have, with short descriptions",
+};
+
 /// Bytes of one record of an annotation file.
 pub const RECORD_BYTES: Limit = Limit {
     what: "bytes of one record of a JSON annotation file",
@@ -279,6 +288,7 @@ pub const ALL: &[Limit] = &[
     TABLE_BYTES,
     PAGE_BYTES,
     TEXT_BYTES,
+    DECLARED_BYTES,
     RECORD_BYTES,
     JSON_VALUES,
     NESTING,

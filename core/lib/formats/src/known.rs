@@ -5,6 +5,7 @@ use crate::json;
 use std::collections::BTreeMap;
 use syntable_model::error::Result;
 use syntable_model::files::DatasetFolder;
+use syntable_model::limits::DECLARED_BYTES;
 use syntable_model::product::{DeclaredProduct, Form, KeyId, linked};
 
 /// The file of the products that a dataset declares, next to their values: a [`DeclaredProduct`] by name.
@@ -37,8 +38,9 @@ impl KnownProducts {
     /// The products of linked crates, and the products that a JSON text declares.
     ///
     /// # Errors
-    /// If the text is not JSON of this form, or contradicts a linked crate.
+    /// If the text is longer than the limit, is not JSON of this form, or contradicts a linked crate.
     pub fn declared_in(text: &[u8]) -> Result<Self> {
+        DECLARED_BYTES.check(text.len() as u64)?;
         let declared: BTreeMap<String, DeclaredProduct> =
             serde_json::from_slice(text).map_err(|error| json::located(&error, None, text))?;
         let mut all = Self::default();
@@ -72,4 +74,34 @@ pub fn declared(keys: &[KeyId]) -> Option<BTreeMap<&'static str, DeclaredProduct
     let of = |key: &KeyId| Some((key.product, DeclaredProduct::of(key)?));
     let declared: BTreeMap<&str, DeclaredProduct> = keys.iter().filter_map(of).collect();
     Some(declared).filter(|declared| !declared.is_empty())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn declarations_of_strangers_are_checked() {
+        let known = |text: &str| KnownProducts::declared_in(text.as_bytes());
+        let heat = r#"{ "heat": { "form": "float per object", "unit": "K" } }"#;
+        let products = known(heat).expect("declared");
+        assert!(products.is_per_instance("heat") && products.named("rgb").is_some());
+        let keys = [*products.named("heat").expect("declared")];
+        assert_eq!(
+            serde_json::to_string(&declared(&keys)).expect("JSON"),
+            heat.replace(' ', "").replace("floatperobject", "float per object")
+        );
+        let long = format!(r#"{{ "heat": {{ "form": "int", "doc": "{}" }} }}"#, "x".repeat(1 << 16));
+        for (wrong, says) in [
+            (long.as_str(), "bytes"),
+            (r#"{ "a/b": { "form": "int" } }"#, "lower-case"),
+            (r#"{ "heat": { "form": "image" } }"#, "dtype"),
+            (r#"{ "rgb": { "form": "int" } }"#, "another name"),
+            (r#"{ "heat": 3 }"#, "integer `3`"),
+            ("[]", "map"),
+        ] {
+            let error = known(wrong).expect_err("refused").to_string();
+            assert!(error.contains(says), "{error}");
+        }
+    }
 }

@@ -99,9 +99,15 @@ impl DeclaredProduct {
     /// The key of the product with this name.
     ///
     /// # Errors
-    /// If the form needs other options, or a linked crate has a product of this name with another type.
+    /// If it is no name of a product, the form needs other options, or a linked crate has a product of this name with
+    /// another type.
     pub fn key(&self, name: &str) -> Result<KeyId, Error> {
         let refuse = |message: &str| Error::new(format!("`{name}`: {message}"));
+        let is_of_name = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+        if !name.starts_with(|c: char| c.is_ascii_lowercase()) || !name.chars().all(is_of_name) {
+            return Err(refuse("the name of a product has lower-case letters, digits and underscores")
+                .help("begin it with a letter, as in `dark_pixels`"));
+        }
         let has_numbers = matches!(self.form, DeclaredForm::Image | DeclaredForm::Tensor);
         match self.dtype {
             None if has_numbers => {
@@ -250,6 +256,15 @@ mod tests {
             assert_eq!(DeclaredProduct::of(&key), Some(declared));
         }
         assert_eq!(DeclaredProduct::of(&crate::product::standard::RGB.id()), None, "a linked crate defines it");
+    }
+
+    #[test]
+    fn names_are_in_snake_case() {
+        let declared: DeclaredProduct = serde_json::from_value(serde_json::json!({ "form": "int" })).expect("a form");
+        for wrong in ["", "Heat", "2d", "a b", "a/b", "ü", "a (canvas 3)"] {
+            assert!(declared.key(wrong).expect_err("refused").to_string().contains("lower-case"), "{wrong}");
+        }
+        assert!(declared.key("heat_2").is_ok());
     }
 
     #[test]

@@ -53,10 +53,6 @@ provides.darkness = { form = "float per object", doc = "Share of dark pixels." }
         let mut provides = Vec::new();
         for (name, product) in &self.provides {
             let option = format!("provides.{name}");
-            if !is_name(name) {
-                let message = "a product has a name of lower-case letters, digits and underscores";
-                return Err(ConfigError::new(option, message));
-            }
             provides.push(product.key(name).map_err(|error| ConfigError::new(&option, error.to_string()))?);
         }
         let stream = names().collect::<Vec<_>>().join(",");
@@ -68,12 +64,6 @@ provides.darkness = { form = "float per object", doc = "Share of dark pixels." }
 }
 
 register!(ExecAnnotator);
-
-/// Whether a text is a name for a product.
-fn is_name(name: &str) -> bool {
-    name.starts_with(|c: char| c.is_ascii_lowercase())
-        && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
-}
 
 /// Name of the random numbers of all such stages.
 const STREAM: &str = "annotate.exec";
