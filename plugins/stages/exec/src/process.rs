@@ -30,6 +30,8 @@ pub struct Process {
     answers: Receiver<Result<Vec<u8>, Unread>>,
     last_lines: Arc<Mutex<VecDeque<String>>>,
     errors_ended: Receiver<()>,
+    /// How it ended, once it was ended.
+    ended: Option<Option<ExitStatus>>,
 }
 
 /// Why a process gave no answer.
@@ -75,7 +77,7 @@ impl Process {
             keep_last_lines(BufReader::new(stderr), &lines);
             drop(ended);
         });
-        Ok(Self { child, input: Some(input), answers, last_lines, errors_ended })
+        Ok(Self { child, input: Some(input), answers, last_lines, errors_ended, ended: None })
     }
 
     /// The archive of the answer to a message. After a failure, the process must be dropped.
@@ -127,7 +129,7 @@ impl Process {
         true
     }
 
-    /// Whether it has ended. It keeps its number, also the number of its group, until it is dropped.
+    /// Whether it has ended. It keeps its number, also the number of its group, until [`end`](Self::end).
     #[cfg(unix)]
     fn has_ended(&mut self) -> bool {
         use rustix::process::{WaitId, WaitIdOptions, waitid};
@@ -149,12 +151,16 @@ impl Process {
 
     /// Ends it and its group. Returns how it ended.
     fn end(&mut self) -> Option<ExitStatus> {
+        if let Some(status) = self.ended {
+            // Its number may belong to another process by now.
+            return status;
+        }
         #[cfg(unix)]
         if let Some(group) = self.group() {
             let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
         }
         let _ = self.child.kill();
-        self.child.wait().ok()
+        *self.ended.insert(self.child.wait().ok())
     }
 
     /// The error of a process whose output has ended.
