@@ -5,7 +5,7 @@ use std::fmt;
 
 /// Help for a kind or a product that no linked plugin has.
 pub(crate) const OF_PLUGIN: &str =
-    "if a plugin has it, name its crate in your binary's main.rs, or its Python file by --plugin";
+    "if a plugin provides it, name its crate in your binary's main.rs, or pass its Python file with --plugin";
 
 macro_rules! codes {
     ($($(#[doc = $doc:literal])+ $name:ident = $text:literal, $title:literal, $explanation:literal, $help:literal;)*) => {
