@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
-use syntable_model::error::{Error, Result};
+use syntable_model::error::Result;
 use syntable_model::product::{KeyId, Products};
 use syntable_model::reader::{DatasetFormat, OpenDataset, Source};
 use syntable_model::scene::{SceneId, ViewId};
@@ -19,7 +19,15 @@ pub struct RunDataset {
     pub first: OpenDataset,
     companions: Vec<(Arc<dyn DatasetFormat>, Source)>,
     /// The datasets of the other writers, opened at their first use.
-    others: OnceLock<Result<Vec<Companion>>>,
+    others: OnceLock<Companions>,
+}
+
+/// The datasets of the other writers of a run.
+#[derive(Default)]
+struct Companions {
+    datasets: Vec<Companion>,
+    /// Parts that cannot be read, with reasons.
+    left_out: Vec<String>,
 }
 
 /// A dataset of another writer of the run.
@@ -32,42 +40,44 @@ struct Companion {
 }
 
 impl RunDataset {
-    fn others(&self) -> Result<&[Companion]> {
-        let open = || {
-            let (mut others, mut known) = (Vec::new(), self.first.offers.clone());
+    fn others(&self) -> &Companions {
+        self.others.get_or_init(|| {
+            let (mut others, mut known) = (Companions::default(), self.first.offers.clone());
             for (format, source) in &self.companions {
-                let dataset = format.open(source)?;
-                let is_new =
-                    |key: &&KeyId| !dataset.is_derived(key) && known.iter().all(|other| !other.is(&key.to_string()));
-                let keys: Vec<KeyId> = dataset.offers.iter().filter(is_new).copied().collect();
+                let dataset = match format.open(source) {
+                    Ok(dataset) => dataset,
+                    Err(error) => {
+                        others.left_out.push(error.to_string());
+                        continue;
+                    }
+                };
+                let is_known = |key: &KeyId| known.iter().any(|other| other.is(&key.to_string()));
+                let new = dataset.offers.iter().filter(|key| !dataset.is_derived(key) && !is_known(key));
+                let keys: Vec<KeyId> = new.copied().collect();
                 known.extend(&keys);
+                others.left_out.extend(lost(&dataset));
                 let places = dataset.images.iter().enumerate().map(|(at, image)| ((image.scene, image.view), at));
-                others.push(Companion { places: places.collect(), dataset, keys });
+                others.datasets.push(Companion { places: places.collect(), dataset, keys });
             }
-            Ok(others)
-        };
-        self.others.get_or_init(open).as_ref().map(Vec::as_slice).map_err(Error::clone)
+            others
+        })
     }
 
     /// The keys of all products.
-    ///
-    /// # Errors
-    /// If the files of another writer cannot be read.
-    pub fn keys(&self) -> Result<Vec<KeyId>> {
-        let others = self.others()?.iter().flat_map(|other| &other.keys);
-        Ok(self.first.offers.iter().chain(others).copied().collect())
+    pub fn keys(&self) -> Vec<KeyId> {
+        let others = self.others().datasets.iter().flat_map(|other| &other.keys);
+        self.first.offers.iter().chain(others).copied().collect()
     }
 
     /// The key of a product. The other writers' datasets are opened only for products that the first one lacks.
-    ///
-    /// # Errors
-    /// If the files of another writer cannot be read.
-    pub fn key(&self, name: &str) -> Result<Option<KeyId>> {
+    pub fn key(&self, name: &str) -> Option<KeyId> {
         let of = |keys: &[KeyId]| keys.iter().find(|key| key.is(name)).copied();
-        match of(&self.first.offers) {
-            Some(key) => Ok(Some(key)),
-            None => Ok(of(&self.keys()?)),
-        }
+        of(&self.first.offers).or_else(|| of(&self.keys()))
+    }
+
+    /// Parts of the other writers' datasets that cannot be read, with reasons.
+    pub fn left_out_of_others(&self) -> &[String] {
+        &self.others().left_out
     }
 
     /// Reads products of an image. An image that a writer left out lacks its products.
@@ -81,7 +91,7 @@ impl RunDataset {
             return Ok(products);
         }
         let found = &self.first.images[image];
-        for other in self.others()? {
+        for other in &self.others().datasets {
             let own: Vec<KeyId> = others.iter().filter(|key| other.keys.contains(key)).copied().collect();
             if let Some(&place) = other.places.get(&(found.scene, found.view)).filter(|_| !own.is_empty()) {
                 products.extend(other.dataset.read(place, &own)?.products)?;
@@ -89,6 +99,12 @@ impl RunDataset {
         }
         Ok(products)
     }
+}
+
+/// Parts of a dataset that its reader could not read, with reasons.
+fn lost(dataset: &OpenDataset) -> Vec<String> {
+    let lost = dataset.faults.iter().filter(|fault| fault.is_lost);
+    lost.map(|fault| fault.place_and_text(&dataset.images).join(": ")).collect()
 }
 
 /// A dataset in a format that the library reads.
@@ -144,17 +160,20 @@ impl Dataset {
 
     /// Names of the products that images have.
     #[getter]
-    fn products(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        let keys = py.detach(|| self.dataset.keys()).map_err(|error| exception(py, &error))?;
-        Ok(keys.iter().map(ToString::to_string).collect())
+    fn products(&self, py: Python<'_>) -> Vec<String> {
+        py.detach(|| self.dataset.keys()).iter().map(ToString::to_string).collect()
     }
 
     /// Parts that the reader could not read, and left out, with reasons.
     #[getter]
     fn left_out(&self) -> Vec<String> {
-        let first = &self.dataset.first;
-        let lost = first.faults.iter().filter(|fault| fault.is_lost);
-        lost.map(|fault| fault.place_and_text(&first.images).join(": ")).collect()
+        lost(&self.dataset.first)
+    }
+
+    /// The same of the datasets of other writers, which it opens.
+    #[getter]
+    fn left_out_of_others(&self, py: Python<'_>) -> Vec<String> {
+        py.detach(|| self.dataset.left_out_of_others().to_vec())
     }
 
     /// Categories: ids and names.

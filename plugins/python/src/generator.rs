@@ -121,8 +121,8 @@ impl Generator {
         if matches!(*turn, Turn::Over) {
             // Another thread closed the work meanwhile.
             drop(turn);
-            py.detach(|| drop((waited, made)));
-            return Ok(None);
+            drop(waited);
+            return end(made, true).map_or(Ok(None), Err);
         }
         match waited {
             Some(Ok(sample)) => {

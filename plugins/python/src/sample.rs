@@ -64,17 +64,17 @@ impl Sample {
     }
 
     /// The keys of all products.
-    fn keys(&self) -> Result<Vec<KeyId>> {
+    fn keys(&self) -> Vec<KeyId> {
         match &self.stored {
             Some(stored) => stored.dataset.keys(),
-            None => Ok(self.products.lock().keys()),
+            None => self.products.lock().keys(),
         }
     }
 
-    fn key(&self, name: &str) -> Result<Option<KeyId>> {
+    fn key(&self, name: &str) -> Option<KeyId> {
         match &self.stored {
             Some(stored) => stored.dataset.key(name),
-            None => Ok(self.products.lock().keys().into_iter().find(|key| key.is(name))),
+            None => self.products.lock().keys().into_iter().find(|key| key.is(name)),
         }
     }
 
@@ -101,10 +101,10 @@ impl Sample {
     }
 
     fn known(&self, py: Python<'_>, name: &str) -> PyResult<KeyId> {
-        if let Some(key) = py.detach(|| self.key(name)).map_err(|error| exception(py, &error))? {
+        if let Some(key) = py.detach(|| self.key(name)) {
             return Ok(key);
         }
-        let names = self.names(py)?;
+        let names = self.names(py);
         let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
         Err(PyKeyError::new_err(if self.is_lent {
             format!("the stage does not read `{name}`: add it to reads=[…], which has {names}")
@@ -117,14 +117,13 @@ impl Sample {
 #[pymethods]
 impl Sample {
     /// Names of all products.
-    fn names(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        let keys = py.detach(|| self.keys()).map_err(|error| exception(py, &error))?;
-        Ok(keys.iter().map(ToString::to_string).collect())
+    fn names(&self, py: Python<'_>) -> Vec<String> {
+        py.detach(|| self.keys()).iter().map(ToString::to_string).collect()
     }
 
     /// Whether the sample has a product.
-    fn has(&self, py: Python<'_>, name: &str) -> PyResult<bool> {
-        py.detach(|| self.key(name)).map(|key| key.is_some()).map_err(|error| exception(py, &error))
+    fn has(&self, py: Python<'_>, name: &str) -> bool {
+        py.detach(|| self.key(name)).is_some()
     }
 
     /// A product by its name; `None` if this image of the dataset lacks it.

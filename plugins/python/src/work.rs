@@ -44,8 +44,8 @@ pub fn is_forked() -> bool {
 }
 
 /// Ends work whose threads may need Python's lock to end: waits for them without it. Interrupts stages in Python that they run: at
-/// once if the user has interrupted the work, or else after a moment. Returns the exception of a signal. After a second signal or a
-/// few seconds, nothing waits for stages any longer: one may be in a call that no exception reaches, and nothing waits for its thread.
+/// once if the user has interrupted the work, or else after a moment. Returns the exception of a signal. While stages run, it returns
+/// after a second signal or a few seconds: a stage may be blocked in the system, where no exception reaches it.
 pub fn end<T: Send + 'static>(work: T, is_interrupted: bool) -> Option<PyErr> {
     let mut work = Some(work);
     let waited = if is_forked() { None } else { Python::try_attach(|py| wait(py, work.take(), is_interrupted)) };
@@ -64,11 +64,10 @@ fn wait<T: Send + 'static>(py: Python<'_>, work: Option<T>, is_interrupted: bool
         }
         py.detach(|| thread::sleep(POLL));
         if let Err(signal) = py.check_signals() {
-            if is_interrupted || raised.is_some() {
-                give_up();
+            if (is_interrupted || raised.is_some()) && give_up() {
                 return Some(signal);
             }
-            raised = Some(signal);
+            raised.get_or_insert(signal);
         }
     }
     raised
@@ -121,8 +120,8 @@ pub fn show(py: Python<'_>, progress: Option<&Py<PyAny>>, event: &Event) -> PyRe
 }
 
 /// Does work on another thread. The calling thread passes events to `progress`, and handles signals. A signal whose handler
-/// raises (Ctrl-C), or an exception of `progress` asks the work to stop; when it has ended, the exception is raised. A second one
-/// is raised at once, and nothing waits for the thread: a stage in Python may be in a call that no exception reaches.
+/// raises (Ctrl-C), or an exception of `progress` asks the work to stop; when it has ended, the exception is raised. A second
+/// signal is raised at once if a stage in Python runs: it may be blocked in the system, where no exception reaches it.
 ///
 /// # Errors
 /// The exception of a signal or of `progress`, or else the error of the work.
@@ -136,7 +135,7 @@ pub fn wait_for<T: Send + 'static>(
     let asked = stop.clone();
     // The sender ends with the work, so that the events end.
     let worker = thread::spawn(move || work(&sender, &asked));
-    let (mut raised, mut interrupts) = (None, Interrupts::default());
+    let (mut raised, mut is_interrupted, mut interrupts) = (None, false, Interrupts::default());
     loop {
         let event = py.detach(|| events.next());
         let shown = match event {
@@ -144,13 +143,17 @@ pub fn wait_for<T: Send + 'static>(
             Err(RecvTimeoutError::Timeout) => Ok(()),
             Err(RecvTimeoutError::Disconnected) => break,
         };
-        if let Err(error) = shown.and_then(|()| py.check_signals()) {
+        if let Err(error) = shown {
             stop.cancel();
-            if raised.is_some() {
-                give_up();
-                return Err(error);
+            raised.get_or_insert(error);
+        }
+        if let Err(signal) = py.check_signals() {
+            stop.cancel();
+            if is_interrupted && give_up() {
+                return Err(signal);
             }
-            raised = Some(error);
+            is_interrupted = true;
+            raised.get_or_insert(signal);
         }
         if raised.is_some() {
             interrupts.next(py);

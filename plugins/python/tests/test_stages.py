@@ -131,6 +131,15 @@ PROVIDES = {
     "test_str": (str, lambda view: "ä", "ä"),
     "test_dict": (dict, lambda view: {"a": 1, "b": [1.5, "x"]}, {"a": 1, "b": [1.5, "x"]}),
     "test_list": (list, lambda view: np.arange(3), [0, 1, 2]),
+    "test_texts": (list, lambda view: ["a", "b"], ["a", "b"]),
+    "test_ragged": (list, lambda view: [[1], [2, 3]], [[1], [2, 3]]),
+    "test_mixed": (list, lambda view: [1, "x", {"y": None}], [1, "x", {"y": None}]),
+    "test_varied": (list, lambda view: [1, 2] if view.view else ["x"], lambda it: [1, 2] if it.view else ["x"]),
+    "test_lists": (
+        st.PerObject(list),
+        lambda view: {id: [int(id), "x"] for id in view.ids},
+        lambda it: {i: [i, "x"] for i in it.ids},
+    ),
     "test_image": (
         st.Image("float32", channels=3),
         lambda view: np.ones((*view.shape, 3), "float32"),
@@ -193,19 +202,32 @@ def test_own_products_come_back_from_files(kind, tmp_path):
     writers[kind]["include"] = writers[kind]["include"] + names
     out = tmp_path / "data"
     st.run(small(write=writers), out, progress=False)
-    made = sample("rgb", "visible_mask", "normal", *names)
     with_images, alone = st.open(out), st.open(out / kind)
     assert with_images.format == "syntable" and alone.format == kind
     assert set(names) <= set(with_images.products) and set(names) <= set(alone.products)
-    for stored in (with_images[0], alone[0]):
+    views = list(st.generate(small(dataset__scenes=1), names, threads=2))
+    for stored, made in [(with_images[0], views[0]), (alone[0], views[0]), (with_images[1], views[1])]:
         for name in names:
             got, expected = stored[name], made[name]
             if isinstance(expected, np.ndarray):
                 assert got.dtype == expected.dtype and np.array_equal(got, expected), name
             else:
                 assert got == expected and type(got) is type(expected), name
+    made = sample("rgb", "normal")
     assert np.array_equal(with_images[0].rgb, made.rgb)
     assert kind != "npz" or np.array_equal(with_images[0].normal, made.normal, equal_nan=True)
+
+
+def test_a_damaged_companion_keeps_the_rest(tmp_path):
+    out = tmp_path / "data"
+    st.run(small(write={"syntable": {}, "npz": {"include": ["test_darkness"]}}), out, progress=False)
+    declared = (out / "npz/products.json").read_text()
+    assert st.open(out)[0].test_darkness
+    (out / "npz/products.json").write_text(declared.replace("float per object", "no form"))
+    dataset = st.open(out)
+    it = dataset[0]
+    assert "test_darkness" not in it and "rgb" in it.products and it.rgb.any() and not hasattr(it, "nope")
+    assert len(dataset.left_out) == 1 and "products.json" in dataset.left_out[0]
 
 
 def test_tensors_of_torch():

@@ -43,14 +43,16 @@ impl KnownProducts {
         DECLARED_BYTES.check(text.len() as u64)?;
         let declared: BTreeMap<String, DeclaredProduct> =
             serde_json::from_slice(text).map_err(|error| json::located(&error, None, text))?;
+        let declared = declared.iter().map(|(name, product)| product.key(name)).collect::<Result<Vec<_>>>()?;
         let mut all = Self::default();
-        for (name, product) in declared {
-            let key = product.key(&name)?;
-            if all.named(&name).is_none() {
-                all.0.push(key);
-            }
-        }
+        all.extend(Self(declared));
         Ok(all)
+    }
+
+    /// Adds other products, except for names that are known already.
+    pub fn extend(&mut self, others: Self) {
+        let new = others.0.into_iter().filter(|key| self.named(key.product).is_none()).collect::<Vec<_>>();
+        self.0.extend(new);
     }
 
     /// The key of a product.

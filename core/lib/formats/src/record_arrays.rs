@@ -151,7 +151,7 @@ pub fn product_of(array: &str, known: &KnownProducts) -> String {
     if known.named(array).is_some() {
         return array.to_owned();
     }
-    let has_records = |key: &&KeyId| matches!(key.form().of_one(), Form::Record | Form::Records);
+    let has_records = |key: &&KeyId| matches!(key.form().of_one(), Form::Record | Form::Records | Form::List);
     let names = known.iter().filter(has_records).map(ToString::to_string);
     let owners = names.filter(|name| array.strip_prefix(name.as_str()).is_some_and(|rest| rest.starts_with('_')));
     owners.max_by_key(String::len).unwrap_or_else(|| array.to_owned())
@@ -213,9 +213,13 @@ fn of_tensor(tensor: Tensor, are_integers: bool) -> Value {
     }
 }
 
-/// Whether the values of a product are read by [`value`]: records and texts.
-pub fn is_of_arrays(key: &KeyId) -> bool {
-    matches!(key.form().of_one(), Form::Record | Form::Records | Form::Text)
+/// Whether the values of a product are read by [`value`]: records, texts, and lists that no array of numbers holds.
+pub fn is_of_arrays(key: &KeyId, has_numbers: bool) -> bool {
+    match key.form().of_one() {
+        Form::Record | Form::Records | Form::Text => true,
+        Form::List => !has_numbers,
+        _ => false,
+    }
 }
 
 /// Whether a value of a product may have no arrays: a list without records, or the records of no instances.
@@ -246,7 +250,12 @@ pub fn value(product: &str, key: &KeyId, arrays: &BTreeMap<String, NpyArray>, id
             _ => Err(Error::new(format!("its array `{product}` is not a {form}"))),
         };
     }
-    if is_per_instance && *form.of_one() == Form::Records {
+    let is_json = *form.of_one() == Form::List && arrays.contains_key(&format!("{product}{JSON_END}"));
+    if is_json && !is_per_instance {
+        let lists = arrays.values().map(|array| rows(array, true, true)).collect::<Result<Vec<_>>>()?;
+        return Ok(lists.into_iter().flatten().flatten().next().unwrap_or(Value::Null));
+    }
+    if is_json || is_per_instance && *form.of_one() == Form::Records {
         let name = format!("{product}{JSON_END}");
         let array = arrays.get(&name).ok_or_else(|| Error::new(format!("the archive has no array `{name}`")))?;
         let lists = rows(array, false, true).map_err(|error| error.context(format!("array `{name}`")))?;

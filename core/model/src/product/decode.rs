@@ -37,10 +37,10 @@ impl<'a> Stored<'a> {
                 let axes = vec![Cow::Borrowed("axis"); shape.len()];
                 Some(Cow::Owned(Value::Tensor(Tensor { dtype: *dtype, axes, shape, bytes })))
             }
-            (Form::List, Value::Tensor(tensor)) => Some(Cow::Owned(nested(tensor, 0, 0))),
+            (Form::List, Value::Tensor(tensor)) => Some(Cow::Owned(tensor.lists())),
             (Form::PerInstance(one), Value::PerInstance(each)) if **one == Form::List => {
                 let list = |value: &Value| match value {
-                    Value::Tensor(tensor) => nested(tensor, 0, 0),
+                    Value::Tensor(tensor) => tensor.lists(),
                     value => value.clone(),
                 };
                 Some(Cow::Owned(Value::PerInstance(each.iter().map(|(id, value)| (*id, list(value))).collect())))
@@ -61,6 +61,7 @@ impl<'a> Stored<'a> {
             (Form::Bool, Value::Bool(_)) | (Form::Float, Value::Float(_)) => Some(self.value.clone()),
             (Form::Int, Value::Int(_) | Value::Uint(_)) => Some(self.value.clone()),
             (Form::Float, Value::Int(value)) => Some(Value::Float(*value as f64)),
+            (Form::Float, Value::Uint(value)) => Some(Value::Float(*value as f64)),
             // JSON has no infinite numbers.
             (Form::Float, Value::Null) => Some(Value::Float(self.missing)),
             _ => None,
@@ -292,17 +293,6 @@ fn integer(value: &Value) -> Option<i128> {
         Value::Float(value) if value.fract() == 0.0 && value.abs() <= 9_007_199_254_740_992.0 => Some(*value as i128),
         Value::Tensor(tensor) if tensor.shape.is_empty() => integer(&tensor.element(0)),
         _ => None,
-    }
-}
-
-/// The nested lists of an array's elements from `start` on, along the axes from `axis` on.
-fn nested(tensor: &Tensor, axis: usize, start: usize) -> Value {
-    match tensor.shape.get(axis) {
-        None => tensor.element(start),
-        Some(&length) => {
-            let step: usize = tensor.shape[axis + 1..].iter().product();
-            Value::List((0..length).map(|at| nested(tensor, axis + 1, start + at * step)).collect())
-        }
     }
 }
 

@@ -297,6 +297,11 @@ impl Tensor {
         }
     }
 
+    /// The elements as nested lists; the element itself without axes.
+    pub(super) fn lists(&self) -> Value {
+        self.nested(0, 0)
+    }
+
     fn nested(&self, axis: usize, offset: usize) -> Value {
         match self.shape.get(axis) {
             None => self.element(offset),

@@ -207,7 +207,7 @@ fn open(source: &Source) -> Result<Opened> {
     let mut faulty = BTreeSet::new();
     // The categories of the first table that lists them. The names in rows cover only the categories of existing
     // objects.
-    let (mut categories, mut known) = (None, None);
+    let (mut categories, mut known) = (None, KnownProducts::default());
     // Rows of views contain lists of instances.
     let mut has_views = false;
     for (table, path) in paths.iter().enumerate() {
@@ -226,7 +226,7 @@ fn open(source: &Source) -> Result<Opened> {
         // If a table lacks a column that another table has, the error is reported when the column is read.
         columns.extend(own);
         categories = categories.or(listed);
-        known = known.or(declared);
+        known.extend(declared.unwrap_or_default());
         has_views |= rows.iter().any(|row| matches!(row.get(INSTANCE), Some(Field::ListInternal(_)) | None));
         for row in &rows {
             let number = |name: &str| u32::try_from(row.get(name).and_then(integer)?).ok();
@@ -264,7 +264,6 @@ fn open(source: &Source) -> Result<Opened> {
         }
     }
     let image = |&(scene, view): &(u32, u32)| read::image((scene, view), format!("scene {scene}, view {view}"));
-    let known = known.unwrap_or_default();
     let contents = Contents {
         images: views.keys().map(image).collect(),
         fields: products_of(&columns, &known).into_keys().collect(),

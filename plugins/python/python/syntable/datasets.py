@@ -38,7 +38,7 @@ class Dataset(Sequence[Sample]):
             bool(trust_paths),
         )
         self._raw = _syntable.Dataset(*self._named)
-        warn_left_out(self.left_out)
+        warn_left_out(self._raw.left_out)
 
     @property
     def path(self) -> str:
@@ -57,8 +57,9 @@ class Dataset(Sequence[Sample]):
 
     @property
     def left_out(self) -> list[str]:
-        """The parts that could not be read, with reasons: images of a damaged file. Opening warns of them."""
-        return self._raw.left_out
+        """The parts that could not be read, with reasons, such as images of a damaged file. Opening warns of them, except
+        for files that only other writers of the run made: these are opened here, or for their first product."""
+        return self._raw.left_out + self._raw.left_out_of_others
 
     @property
     def products(self) -> list[str]:

@@ -3,6 +3,7 @@
 use parking_lot::{Condvar, Mutex};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
+use std::collections::BTreeSet;
 use std::process;
 use std::time::{Duration, Instant};
 use syntable_model::error::{Error, Result};
@@ -12,40 +13,59 @@ const STAGES: &str = "syntable.stages._calls";
 
 /// The calls of this moment.
 struct Calls {
-    running: usize,
+    /// Numbers of the calls that run, ascending: a later call has a higher one.
+    running: BTreeSet<u64>,
+    /// Number of the next call.
+    next: u64,
+    /// Calls with a lower number are given up: the user has interrupted them twice.
+    given_up_below: u64,
     /// Whether Python is about to end.
     are_over: bool,
-    /// Whether the user has interrupted the running calls twice.
-    are_given_up: bool,
     /// The process whose threads make the calls; 0 before the first call.
     process: u32,
 }
 
-static CALLS: Mutex<Calls> = Mutex::new(Calls { running: 0, are_over: false, are_given_up: false, process: 0 });
+impl Calls {
+    /// Forgets the calls of the parent in a process that was forked: they do not exist there.
+    fn here(&mut self) -> &mut Self {
+        if self.process != process::id() {
+            self.process = process::id();
+            self.running.clear();
+        }
+        self
+    }
+
+    /// Whether a call runs that is not given up.
+    fn are_awaited(&self) -> bool {
+        self.running.last().is_some_and(|last| *last >= self.given_up_below)
+    }
+}
+
+static CALLS: Mutex<Calls> =
+    Mutex::new(Calls { running: BTreeSet::new(), next: 0, given_up_below: 0, are_over: false, process: 0 });
 static ENDED: Condvar = Condvar::new();
 
-/// A call that is counted until it is dropped.
-struct Call;
+/// A call that counts as running until it is dropped.
+struct Call(u64);
 
 impl Call {
     /// Begins a call, unless Python is about to end.
     fn begin() -> Option<Self> {
         let mut calls = CALLS.lock();
-        if calls.process != process::id() {
-            // The calls of the parent do not exist in a process that was forked.
-            (calls.process, calls.running) = (process::id(), 0);
+        let calls = calls.here();
+        if calls.are_over {
+            return None;
         }
-        let may_begin = !calls.are_over;
-        calls.running += usize::from(may_begin);
-        may_begin.then(|| Self)
+        let number = calls.next;
+        calls.next += 1;
+        calls.running.insert(number);
+        Some(Self(number))
     }
 }
 
 impl Drop for Call {
     fn drop(&mut self) {
-        let mut calls = CALLS.lock();
-        calls.running = calls.running.saturating_sub(1);
-        calls.are_given_up &= calls.running > 0;
+        CALLS.lock().running.remove(&self.0);
         ENDED.notify_all();
     }
 }
@@ -61,23 +81,26 @@ pub fn with_python<T>(work: impl FnOnce(Python<'_>) -> PyResult<T>) -> Result<T>
     done.unwrap_or_else(|| Err(over()))
 }
 
-/// Gives up the running calls after a second Ctrl-C: nothing waits for them, not even the end of Python.
-pub fn give_up() {
+/// Gives up the running calls after a second Ctrl-C: the end of Python does not wait for them. Returns whether any runs.
+pub fn give_up() -> bool {
     let mut calls = CALLS.lock();
-    calls.are_given_up = calls.running > 0;
+    let calls = calls.here();
+    let are_awaited = calls.are_awaited();
+    calls.given_up_below = calls.next;
+    are_awaited
 }
 
-/// Whether calls run that nothing waits for: Python ends, they are given up, or they have been asked to end for
-/// [`Interrupts::LIMIT`].
+/// Whether calls may keep work from ending, and nothing waits for them any longer: Python ends, or they were asked to end
+/// [`Interrupts::LIMIT`] ago.
 pub fn are_abandoned(asked: Instant) -> bool {
-    let calls = CALLS.lock();
-    let are_running = calls.running > 0 && calls.process == process::id();
-    are_running && (calls.are_over || calls.are_given_up || asked.elapsed() > Interrupts::LIMIT)
+    let mut calls = CALLS.lock();
+    let calls = calls.here();
+    !calls.running.is_empty() && (calls.are_over || asked.elapsed() > Interrupts::LIMIT)
 }
 
 /// Ends all calls before Python ends: waits for running ones, interrupts them after Ctrl-C or a few seconds, and refuses later
-/// ones. A call that does not end within [`Interrupts::LIMIT`], or before a second Ctrl-C, is not waited for: it is in a call of its
-/// own that no exception reaches, such as `time.sleep`.
+/// ones. It returns while calls run that are given up, after [`Interrupts::LIMIT`], and after a second Ctrl-C: such a call is blocked
+/// in the system, as in `time.sleep`, where no exception reaches it.
 #[pyfunction]
 pub fn end_calls(py: Python<'_>) -> PyResult<()> {
     const POLL: Duration = Duration::from_millis(50);
@@ -85,14 +108,13 @@ pub fn end_calls(py: Python<'_>) -> PyResult<()> {
     loop {
         let is_done = py.detach(|| {
             let mut calls = CALLS.lock();
-            calls.are_over = true;
-            let is_idle = |calls: &Calls| calls.running == 0 || calls.are_given_up || calls.process != process::id();
-            if !is_idle(&calls) {
+            calls.here().are_over = true;
+            if calls.are_awaited() {
                 ENDED.wait_for(&mut calls, POLL);
             }
-            is_idle(&calls)
+            !calls.are_awaited()
         });
-        if is_done {
+        if is_done || start.elapsed() > Interrupts::LIMIT {
             return raised.map_or(Ok(()), Err);
         }
         if let Err(signal) = py.check_signals() {
@@ -100,9 +122,6 @@ pub fn end_calls(py: Python<'_>) -> PyResult<()> {
                 return Err(signal);
             }
             raised = Some(signal);
-        }
-        if start.elapsed() > Interrupts::LIMIT {
-            return raised.map_or(Ok(()), Err);
         }
         if raised.is_some() || start.elapsed() > Interrupts::GRACE {
             interrupts.next(py);

@@ -89,7 +89,7 @@ impl SampleReader for Archives {
         let mut fields = SampleFields::new();
         for (product, names) in products {
             let key = self.known.named(&product);
-            let value = match key.filter(|key| record_arrays::is_of_arrays(key)) {
+            let value = match key.filter(|key| record_arrays::is_of_arrays(key, names.contains(&product))) {
                 None => numbers(&mut archive, &product, self.known.is_per_instance(&product))?,
                 Some(key) => record(&mut archive, &product, key, names)?,
             };

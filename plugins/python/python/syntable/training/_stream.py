@@ -163,6 +163,7 @@ class StreamLoop(Iterator[Sample]):
         turns, view = divmod(stream._next, stream._per_scene)
         start = first + self._rank + turns * self._world
         self._queue: _Queue[Sample] | None = None
+        self._is_closed = False
         if start < end:
             samples = stream._generation(start, end, self._world)
             self._queue = _Queue(samples, stream._ahead, samples.close)
@@ -182,12 +183,15 @@ class StreamLoop(Iterator[Sample]):
             if place >= stream._next:
                 self.place, stream._next = place, place + 1
                 return sample
+        if self._is_closed:
+            raise StopIteration
         self.close()
         stream._next, stream._turn = 0, object()
         raise StopIteration
 
     def close(self) -> None:
         """Ends the work. The stream keeps its position."""
+        self._is_closed = True
         queue, self._queue = self._queue, None
         if queue is not None:
             queue.close()
