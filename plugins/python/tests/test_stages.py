@@ -620,6 +620,8 @@ def interrupts():
         os.kill(os.getpid(), signal.SIGINT)
 
 begun = threading.Event()
+# A shell may start a background process with the signal ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 @st.annotator(reads=[], provides={"test_blocked": float})
 def test_blocked(view):
@@ -645,6 +647,8 @@ main()
         'list(st.generate(recipe, ["test_blocked"]))',
         'st.run(recipe.set("write", {"jsonl": {"include": ["test_blocked"]}}), sys.argv[1])',
         'st.Views(recipe, ["test_blocked"])[0]',
+        'next(iter(st.Stream(recipe, ["test_blocked"])))',
+        'st.Buffer(st.Stream(recipe, ["test_blocked"]), 2).batch(1)',
     ],
 )
 def test_two_interrupts_end_a_blocked_stage(work, tmp_path):
