@@ -10,8 +10,9 @@ command loads a file of stages with ``syntable --plugin my_stages.py …``. The 
 replaces the stage. The library calls stages on its own threads, one call at a time because of Python's global lock.
 
 A dataset records each stage with the digest of its code, so that no run continues a dataset that other code began. The
-code of functions that the stage calls does not count. If the module has a ``__version__``, it is recorded in place of the
-digest: raise it with every change of what stages return.
+code of functions that the stage calls does not count, and code without a file, as in an interpreter, has no digest. If
+the module has a ``__version__``, it is recorded in place of the digest: raise it with every change of what stages
+return.
 """
 
 from __future__ import annotations

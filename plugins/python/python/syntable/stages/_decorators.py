@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import inspect
 import json
@@ -10,6 +9,7 @@ import os
 import re
 import sys
 import textwrap
+import tokenize
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -382,15 +382,20 @@ def _source(it: Any, options: Any) -> tuple[str, str]:
         return owner, str(stated)
     try:
         code = "".join(_code(part) for part in (it, options) if part is not None)
-    except (OSError, TypeError, SyntaxError):
+    except (OSError, TypeError, SyntaxError, tokenize.TokenError):
         # Code that was typed has no file, and a lambda is no statement.
         return owner, "0"
     return f"{owner}.{it.__qualname__}", hashlib.sha256(code.encode()).hexdigest()[:16]
 
 
 def _code(it: Any) -> str:
-    """The code of a function or a class without comments, in one style."""
-    return ast.unparse(ast.parse(textwrap.dedent(inspect.getsource(inspect.unwrap(it)))))
+    """The code of a function or a class without comments and empty lines."""
+    lines = textwrap.dedent(inspect.getsource(inspect.unwrap(it))).splitlines(keepends=True)
+    for token in list(tokenize.generate_tokens(iter(lines).__next__)):
+        if token.type == tokenize.COMMENT:
+            row, column = token.start
+            lines[row - 1] = lines[row - 1][:column]
+    return "\n".join(line.rstrip() for line in lines if line.strip())
 
 
 def _help(it: Any, name: str) -> str:
