@@ -11,6 +11,7 @@ mod generator;
 mod masks;
 mod recipe;
 mod registry;
+mod run_dataset;
 mod sample;
 mod scenes;
 mod stages;

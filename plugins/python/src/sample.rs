@@ -1,8 +1,8 @@
 //! Samples: views with their products, in memory or in a dataset.
 
-use crate::dataset::RunDataset;
 use crate::errors::exception;
 use crate::masks;
+use crate::run_dataset::RunDataset;
 use crate::values;
 use numpy::PyArray3;
 use parking_lot::Mutex;
