@@ -1204,7 +1204,7 @@ def test_a_plugin_is_a_module_too(tmp_path):
         "import syntable as st\n@st.annotator(reads=[], provides={'seven': int})\ndef seventh(view):\n    return 7\n"
     )
     done = command("--plugin", "package.stages", "list", "seventh", cwd=tmp_path)
-    assert done.returncode == 0 and "annotate.seventh (package.stages " in done.stdout, done.stderr
+    assert done.returncode == 0 and "annotate.seventh (package.stages.seventh " in done.stdout, done.stderr
 
 
 # --- time
