@@ -30,8 +30,8 @@ pub struct Process {
     answers: Receiver<Result<Vec<u8>, Unread>>,
     last_lines: Arc<Mutex<VecDeque<String>>>,
     errors_ended: Receiver<()>,
-    /// How it ended, once it was ended.
-    ended: Option<Option<ExitStatus>>,
+    /// Its status, once [`end`](Self::end) was called.
+    status: Option<Option<ExitStatus>>,
 }
 
 /// Why a process gave no answer.
@@ -77,7 +77,7 @@ impl Process {
             keep_last_lines(BufReader::new(stderr), &lines);
             drop(ended);
         });
-        Ok(Self { child, input: Some(input), answers, last_lines, errors_ended, ended: None })
+        Ok(Self { child, input: Some(input), answers, last_lines, errors_ended, status: None })
     }
 
     /// The archive of the answer to a message. After a failure, the process must be dropped.
@@ -95,7 +95,7 @@ impl Process {
                 Ok(Ok(archive)) => return Ok(archive),
                 Ok(Err(Unread::Wrong(error))) => return Err(Failure::Wrong(self.with_last_lines(error))),
                 Ok(Err(Unread::Ended)) | Err(RecvTimeoutError::Disconnected) => {
-                    return Err(Failure::Broken(self.ended()));
+                    return Err(Failure::Broken(self.failure()));
                 }
                 Err(RecvTimeoutError::Timeout) if left.is_zero() => {
                     let message = format!("it gave no answer within {} s", within.as_secs_f64());
@@ -114,11 +114,11 @@ impl Process {
 
     /// Gives it until a moment to end itself.
     pub fn wait(mut self, until: Instant) {
-        self.ends(until.saturating_duration_since(Instant::now()));
+        self.ends_within(until.saturating_duration_since(Instant::now()));
     }
 
     /// Whether it ends within a time.
-    fn ends(&mut self, within: Duration) -> bool {
+    fn ends_within(&mut self, within: Duration) -> bool {
         let start = Instant::now();
         while !self.has_ended() {
             if start.elapsed() > within {
@@ -149,9 +149,9 @@ impl Process {
         i32::try_from(self.child.id()).ok().and_then(rustix::process::Pid::from_raw)
     }
 
-    /// Ends it and its group. Returns how it ended.
+    /// Ends it and its group. Returns its status.
     fn end(&mut self) -> Option<ExitStatus> {
-        if let Some(status) = self.ended {
+        if let Some(status) = self.status {
             // Its number may belong to another process by now.
             return status;
         }
@@ -160,12 +160,12 @@ impl Process {
             let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
         }
         let _ = self.child.kill();
-        *self.ended.insert(self.child.wait().ok())
+        *self.status.insert(self.child.wait().ok())
     }
 
     /// The error of a process whose output has ended.
-    fn ended(&mut self) -> Error {
-        let status = if self.ends(END) { self.end() } else { None };
+    fn failure(&mut self) -> Error {
+        let status = if self.ends_within(END) { self.end() } else { None };
         let _ = self.errors_ended.recv_timeout(END);
         let message = match status {
             Some(status) => format!("it ended {} without an answer", Ended(status)),
