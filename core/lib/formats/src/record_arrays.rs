@@ -250,17 +250,18 @@ pub fn value(product: &str, key: &KeyId, arrays: &BTreeMap<String, NpyArray>, id
             _ => Err(Error::new(format!("its array `{product}` is not a {form}"))),
         };
     }
-    let is_json = *form.of_one() == Form::List && arrays.contains_key(&format!("{product}{JSON_END}"));
-    if is_json && !is_per_instance {
-        let lists = arrays.values().map(|array| rows(array, true, true)).collect::<Result<Vec<_>>>()?;
-        return Ok(lists.into_iter().flatten().flatten().next().unwrap_or(Value::Null));
-    }
+    let json_name = format!("{product}{JSON_END}");
+    let json = arrays.get(&json_name);
+    let is_json = *form.of_one() == Form::List && json.is_some();
     if is_json || is_per_instance && *form.of_one() == Form::Records {
-        let name = format!("{product}{JSON_END}");
-        let array = arrays.get(&name).ok_or_else(|| Error::new(format!("the archive has no array `{name}`")))?;
-        let lists = rows(array, false, true).map_err(|error| error.context(format!("array `{name}`")))?;
+        let array = json.ok_or_else(|| Error::new(format!("the archive has no array `{json_name}`")))?;
+        let lists = rows(array, !is_per_instance, true);
+        let lists = lists.map_err(|error| error.context(format!("array `{json_name}`")))?;
+        if !is_per_instance {
+            return Ok(lists.into_iter().flatten().next().unwrap_or(Value::Null));
+        }
         if lists.len() != ids.len() {
-            return Err(Error::new(format!("its array `{name}` has {} values, not {}", lists.len(), ids.len())));
+            return Err(Error::new(format!("its array `{json_name}` has {} values, not {}", lists.len(), ids.len())));
         }
         return Ok(of_instances(lists.into_iter().map(|list| list.unwrap_or(Value::Null)).collect()));
     }
