@@ -4,6 +4,7 @@
 use std::path::PathBuf;
 use syntable_formats::dataset::JsonLayout;
 use syntable_formats::decode::FileContent;
+use syntable_formats::known::{self, KnownProducts};
 use syntable_formats::syntable;
 use syntable_model::context::Collected;
 use syntable_model::inspect;
@@ -16,7 +17,7 @@ use syntable_recipe::Overrides;
 pub type Target = fn(&[u8]);
 
 /// All targets, by the names of their binaries and of their folders in `corpus`.
-pub const TARGETS: [(&str, Target); 14] = [
+pub const TARGETS: [(&str, Target); 15] = [
     ("obj", obj),
     ("gltf", gltf),
     ("glb", glb),
@@ -31,6 +32,7 @@ pub const TARGETS: [(&str, Target); 14] = [
     ("recipe", recipe),
     ("dataset", dataset),
     ("product", product),
+    ("products_file", products_file),
 ];
 
 /// The folder with the input of a file reader: one per process, in memory where the system supports it.
@@ -186,10 +188,20 @@ pub fn product(input: &[u8]) {
         for key in linked() {
             let mut products = Products::new();
             let stored = Stored { value: &value, ids: &ids, missing: f64::INFINITY };
-            if products.put_stored(key, stored).is_ok() {
+            if products.put_stored(*key, stored).is_ok() {
                 // A value that was accepted must be a value of the product.
                 let _ = products.value(&key.to_string()).expect("there");
             }
         }
     }
+}
+
+/// Declarations of products: what was read is written the same way.
+pub fn products_file(input: &[u8]) {
+    let Ok(read) = KnownProducts::declared_in(input) else { return };
+    let keys: Vec<_> = read.iter().copied().collect();
+    let Some(declared) = known::declared(&keys) else { return };
+    let text = serde_json::to_vec(&declared).expect("numbers are finite");
+    let again = KnownProducts::declared_in(&text).expect("what was written is read");
+    assert!(read.iter().eq(again.iter()), "{}", String::from_utf8_lossy(&text));
 }

@@ -3,6 +3,7 @@
 use crate::decode::FileContent;
 use crate::json;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use syntable_model::error::Result;
 use syntable_model::files::DatasetFolder;
 use syntable_model::limits::DECLARED_BYTES;
@@ -11,13 +12,13 @@ use syntable_model::product::{DeclaredProduct, Form, KeyId, linked};
 /// The file of the products that a dataset declares, next to their values: a [`DeclaredProduct`] by name.
 pub const PRODUCTS: &str = "products.json";
 
-/// Keys of products by name.
+/// Keys of products by name. A copy shares the list.
 #[derive(Debug, Clone)]
-pub struct KnownProducts(Vec<KeyId>);
+pub struct KnownProducts(Arc<Vec<KeyId>>);
 
 impl Default for KnownProducts {
     fn default() -> Self {
-        Self(linked())
+        Self(Arc::new(linked().to_vec()))
     }
 }
 
@@ -45,14 +46,14 @@ impl KnownProducts {
             serde_json::from_slice(text).map_err(|error| json::located(&error, None, text))?;
         let declared = declared.iter().map(|(name, product)| product.key(name)).collect::<Result<Vec<_>>>()?;
         let mut all = Self::default();
-        all.extend(Self(declared));
+        all.extend(&Self(Arc::new(declared)));
         Ok(all)
     }
 
     /// Adds other products, except for names that are known already.
-    pub fn extend(&mut self, others: Self) {
-        let new = others.0.into_iter().filter(|key| self.named(key.product).is_none()).collect::<Vec<_>>();
-        self.0.extend(new);
+    pub fn extend(&mut self, others: &Self) {
+        let new = others.iter().filter(|key| self.named(key.product).is_none()).copied().collect::<Vec<_>>();
+        Arc::make_mut(&mut self.0).extend(new);
     }
 
     /// The key of a product.

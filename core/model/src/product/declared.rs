@@ -121,8 +121,8 @@ impl DeclaredProduct {
         }
         let mut key = self.of_form(name).ok_or_else(|| refuse("an image has 1 to 4 channels"))?;
         (key.unit, key.semantic) = (intern(&self.unit), self.meaning);
-        match linked().into_iter().find(|other| other.product == key.product) {
-            Some(other) if other.type_id() == key.type_id() && other.scope == key.scope => Ok(other),
+        match linked().iter().find(|other| other.product == key.product) {
+            Some(other) if other.type_id() == key.type_id() && other.scope == key.scope => Ok(*other),
             Some(other) => {
                 let message = format!("`{name}` is a product of the library: {}", other.kind_of_value());
                 Err(Error::new(message).help("choose another name"))

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::any::{TypeId, type_name};
 use std::fmt;
 use std::marker::PhantomData;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 /// How often a product is made, from seldom to often. Scopes may be added: a writer refuses a product whose scope it does not
 /// know.
@@ -239,7 +239,7 @@ impl KeyId {
     /// a text that is no name of a product.
     pub fn named(text: &str) -> Option<Self> {
         let (product, framing) = text.parts()?;
-        let of_crate = linked().into_iter().find_map(|key| key.framed_as(product, framing));
+        let of_crate = linked().iter().find_map(|key| key.framed_as(product, framing));
         let of_any_type = || Key::<AnyType>::view(intern(product), "").framed(framing).id();
         Some(of_crate.unwrap_or_else(of_any_type))
     }
@@ -360,11 +360,14 @@ pub struct LinkedKey(pub KeyId);
 inventory::collect!(LinkedKey);
 
 /// The keys of all linked crates, by name; one of each name.
-pub fn linked() -> Vec<KeyId> {
-    let mut keys: Vec<KeyId> = inventory::iter::<LinkedKey>.into_iter().map(|key| key.0).collect();
-    keys.sort_by_key(|key| (key.product_id(), key.type_name()));
-    keys.dedup_by_key(|key| key.product_id());
-    keys
+pub fn linked() -> &'static [KeyId] {
+    static LINKED: LazyLock<Vec<KeyId>> = LazyLock::new(|| {
+        let mut keys: Vec<KeyId> = inventory::iter::<LinkedKey>.into_iter().map(|key| key.0).collect();
+        keys.sort_by_key(|key| (key.product_id(), key.type_name()));
+        keys.dedup_by_key(|key| key.product_id());
+        keys
+    });
+    &LINKED
 }
 
 /// Defines keys of products. The doc comment is the meaning that `syntable list products` and the reference show.

@@ -6,7 +6,6 @@ use hdf5_pure::DType as Stored;
 use hdf5_pure::{Datatype, DatatypeByteOrder, File, Layout};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use syntable_formats::decode::{self, byte_count};
 use syntable_formats::include;
 use syntable_formats::known::KnownProducts;
@@ -44,7 +43,7 @@ fn files_of(folder: &Path) -> Vec<((u32, u32), PathBuf)> {
 /// The files of the views.
 struct Hdf5Views {
     paths: Vec<PathBuf>,
-    known: Arc<KnownProducts>,
+    known: KnownProducts,
 }
 
 fn open(source: &Source) -> Result<Opened> {
@@ -63,7 +62,7 @@ fn open(source: &Source) -> Result<Opened> {
     let paths: Vec<PathBuf> = all.into_values().collect();
     let (mut fields, mut of_shown) = (BTreeSet::new(), BTreeSet::new());
     let (mut names, mut are_named) = (BTreeMap::new(), false);
-    let known = Arc::new(KnownProducts::of(&folder)?);
+    let known = KnownProducts::of(&folder)?;
     for path in &paths {
         let view = match Hdf5View::open(path, &known) {
             Ok(view) => view,
@@ -90,8 +89,7 @@ fn open(source: &Source) -> Result<Opened> {
     }
     let named = names.into_iter().filter(|_| are_named).map(|(id, name): (u32, String)| (id.into(), name)).collect();
     let categories = include::categories_in(&folder)?;
-    let views = Hdf5Views { paths, known: Arc::clone(&known) };
-    let known = (*known).clone();
+    let views = Hdf5Views { paths, known: known.clone() };
     let contents = Contents { images, fields, known, faults, categories, named, of_shown, leaves_out_empty: false };
     Ok(samples::open(read::name_of(root), contents, Box::new(views)))
 }
@@ -121,16 +119,16 @@ struct Hdf5View {
     path: PathBuf,
     /// Names of the datasets in the file.
     names: BTreeSet<String>,
-    known: Arc<KnownProducts>,
+    known: KnownProducts,
 }
 
 impl Hdf5View {
-    fn open(path: &Path, known: &Arc<KnownProducts>) -> Result<Self> {
+    fn open(path: &Path, known: &KnownProducts) -> Result<Self> {
         decode::open(path)?;
-        guarded(LIBRARY, path, || Self::opened(path, Arc::clone(known)))
+        guarded(LIBRARY, path, || Self::opened(path, known.clone()))
     }
 
-    fn opened(path: &Path, known: Arc<KnownProducts>) -> Result<Self> {
+    fn opened(path: &Path, known: KnownProducts) -> Result<Self> {
         let fail = |error: hdf5_pure::Error| Error::new(format!("not a readable HDF5 file: {error}")).in_file(path);
         decode::open(path)?;
         // Only requested datasets are read.

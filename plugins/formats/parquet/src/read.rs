@@ -226,7 +226,9 @@ fn open(source: &Source) -> Result<Opened> {
         // If a table lacks a column that another table has, the error is reported when the column is read.
         columns.extend(own);
         categories = categories.or(listed);
-        known.extend(declared.unwrap_or_default());
+        if let Some(declared) = declared {
+            known.extend(&declared);
+        }
         has_views |= rows.iter().any(|row| matches!(row.get(INSTANCE), Some(Field::ListInternal(_)) | None));
         for row in &rows {
             let number = |name: &str| u32::try_from(row.get(name).and_then(integer)?).ok();

@@ -27,11 +27,14 @@ impl Declared {
     }
 }
 
-/// The name of a product that is meant by a misspelled one.
+/// The message for a product that a sample lacks: it suggests a similar name, or lists the sample's products.
 #[pyfunction]
-#[pyo3(name = "nearest")]
-pub fn near(name: &str, known: Vec<String>) -> Option<String> {
-    nearest(name, known.iter().map(String::as_str)).map(str::to_owned)
+pub fn missing_product(name: &str, known: Vec<String>) -> String {
+    match nearest(name, known.iter().map(String::as_str)) {
+        Some(near) => format!("the sample has no `{name}`: did you mean `{near}`?"),
+        None if known.is_empty() => format!("the sample has no `{name}`, and no other product"),
+        None => format!("the sample has no `{name}`, only {}", known.join(", ")),
+    }
 }
 
 /// The keys of products that a stage reads.
@@ -39,7 +42,6 @@ pub fn near(name: &str, known: Vec<String>) -> Option<String> {
 /// # Errors
 /// If no stage provides a product. The message suggests a similar name.
 pub fn named(names: &[String]) -> PyResult<Vec<KeyId>> {
-    let linked = linked();
     let find = |keys: &[KeyId], name: &str| {
         let exact = keys.iter().find(|key| key.is(name)).copied();
         exact.or_else(|| keys.iter().find_map(|key| key.parse(name)))
@@ -47,7 +49,7 @@ pub fn named(names: &[String]) -> PyResult<Vec<KeyId>> {
     let mut provided: Option<Vec<KeyId>> = None;
     let mut found = Vec::new();
     for name in names {
-        if let Some(key) = find(&linked, name) {
+        if let Some(key) = find(linked(), name) {
             found.push(key);
             continue;
         }
@@ -57,7 +59,7 @@ pub fn named(names: &[String]) -> PyResult<Vec<KeyId>> {
         }
         let provided = provided.as_deref().unwrap_or_default();
         found.push(find(provided, name).ok_or_else(|| {
-            let known = linked.iter().chain(provided).map(|key| key.product);
+            let known = linked().iter().chain(provided).map(|key| key.product);
             let near = nearest(name, known).map_or_else(String::new, |near| format!(": did you mean `{near}`?"));
             PyValueError::new_err(format!(
                 "no stage provides `{name}`{near} (`syntable list products` lists all; define a stage in Python before the \
