@@ -41,7 +41,7 @@ mod _syntable {
     #[pymodule_export]
     use super::stages::{
         FinishedDataset, SceneAssets, SceneOutput, add_annotator, add_asset_source, add_light, add_placer, add_sensor,
-        add_writer, end_calls, near,
+        add_writer, end_calls, missing_product,
     };
     #[pymodule_export]
     use super::verbs::{Viewer, convert, evaluate, merge, plan, preview, report, run, stats, validate, verify};

@@ -1,10 +1,11 @@
 //! Datasets of runs: the products of all writers.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::{Arc, OnceLock};
 use syntable_model::error::Result;
 use syntable_model::product::{KeyId, Products};
-use syntable_model::reader::{DatasetFormat, OpenDataset, Source};
+use syntable_model::reader::{DatasetFormat, ImageRef, OpenDataset, Source};
 use syntable_model::scene::{SceneId, ViewId};
 
 /// A dataset with the products that other writers of the same run stored by name.
@@ -56,10 +57,22 @@ impl RunDataset {
                 known.extend(&keys);
                 others.left_out.extend(lost(&dataset));
                 let places = dataset.images.iter().enumerate().map(|(at, image)| ((image.scene, image.view), at));
-                others.datasets.push(Companion { places: places.collect(), dataset, keys });
+                let places: BTreeMap<_, _> = places.collect();
+                others.left_out.extend(self.lacking(&places, &keys, &source.path));
+                others.datasets.push(Companion { places, dataset, keys });
             }
             others
         })
+    }
+
+    /// Says which images a dataset of another writer lacks, if it stores products that no other dataset has.
+    fn lacking(&self, places: &BTreeMap<(SceneId, ViewId), usize>, keys: &[KeyId], folder: &Path) -> Option<String> {
+        let is_lacking = |image: &&ImageRef| !places.contains_key(&(image.scene, image.view));
+        let lacking: Vec<_> = self.first.images.iter().filter(is_lacking).collect();
+        let first = lacking.first().filter(|_| !keys.is_empty())?;
+        let (count, products) = (lacking.len(), keys.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "));
+        let images = if count == 1 { "image lacks" } else { "images lack" };
+        Some(format!("{}: {count} {images} {products}, such as `{}`", folder.display(), first.name))
     }
 
     /// The keys of all products.

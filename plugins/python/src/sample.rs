@@ -3,6 +3,7 @@
 use crate::errors::exception;
 use crate::masks;
 use crate::run_dataset::RunDataset;
+use crate::stages::missing_product;
 use crate::values;
 use numpy::PyArray3;
 use parking_lot::Mutex;
@@ -105,11 +106,11 @@ impl Sample {
             return Ok(key);
         }
         let names = self.names(py);
-        let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
         Err(PyKeyError::new_err(if self.is_lent {
+            let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
             format!("the stage does not read `{name}`: add it to reads=[…], which has {names}")
         } else {
-            format!("the sample has no `{name}`, only {names}")
+            missing_product(name, names)
         }))
     }
 }

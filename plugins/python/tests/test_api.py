@@ -219,6 +219,14 @@ def test_a_pickled_sample_of_another_dataset_is_refused(data, tmp_path):
         pickle.loads(stored)
 
 
+def test_a_pickled_sample_knows_its_folder(dataset, tmp_path, monkeypatch):
+    monkeypatch.chdir(dataset.path)
+    near = st.open(".")
+    stored, opened = pickle.dumps(near[0]), pickle.dumps(near)
+    monkeypatch.chdir(tmp_path)
+    assert np.array_equal(pickle.loads(stored).rgb, dataset[0].rgb) and len(pickle.loads(opened)) == len(dataset)
+
+
 def test_counts_of_numpy_are_integers(small, dataset):
     for scenes in (np.int64(1), np.array([1, 2]), (np.uint8(1), np.int32(2)), np.array(1)):
         samples = list(st.generate(small, ["rgb"], scenes=scenes, threads=np.int64(1)))

@@ -222,7 +222,11 @@ def test_a_damaged_companion_keeps_the_rest(tmp_path):
     out = tmp_path / "data"
     st.run(small(write={"syntable": {}, "npz": {"include": ["test_darkness"]}}), out, progress=False)
     declared = (out / "npz/products.json").read_text()
-    assert st.open(out)[0].test_darkness
+    dataset = st.open(out)
+    assert dataset[0].test_darkness and not dataset.left_out
+    sorted((out / "npz").rglob("*.npz"))[0].unlink()
+    dataset = st.open(out)
+    assert len(dataset.left_out) == 1 and "1 image lacks test_darkness" in dataset.left_out[0]
     (out / "npz/products.json").write_text(declared.replace("float per object", "no form"))
     dataset = st.open(out)
     it = dataset[0]

@@ -29,7 +29,7 @@ __all__ = [
     "add_sensor",
     "add_writer",
     "end_calls",
-    "nearest",
+    "missing_product",
     "Viewer",
     "convert",
     "evaluate",
@@ -245,7 +245,7 @@ def add_light(kind: Any, call: Callable[..., Any], once_per_scene: bool) -> None
 def add_placer(kind: Any, call: Callable[..., Any]) -> None: ...
 def add_asset_source(kind: Any, catalog: Callable[..., Any], load: Callable[..., Any], license: str | None) -> None: ...
 def end_calls() -> None: ...
-def nearest(name: str, known: list[str]) -> str | None: ...
+def missing_product(name: str, known: list[str]) -> str: ...
 
 @final
 class SceneOutput:

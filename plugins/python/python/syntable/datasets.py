@@ -37,6 +37,8 @@ class Dataset(Sequence[Sample]):
             _arguments.optional_path(image_folder, "image_folder"),
             bool(trust_paths),
         )
+        #: The arguments for another process, which may work in another folder.
+        self._anywhere = (os.path.abspath(self._named[0]), *self._named[1:])
         self._raw = _syntable.Dataset(*self._named)
         warn_left_out(self._raw.left_out)
 
@@ -88,7 +90,7 @@ class Dataset(Sequence[Sample]):
         place += len(self) if place < 0 else 0
         if not 0 <= place < len(self):
             raise IndexError(f"image {index} of a dataset of {len(self)} images")
-        return Sample(self._raw.sample(place), (self._named, place))
+        return Sample(self._raw.sample(place), (self._anywhere, place))
 
     def to_coco(self, out: str | os.PathLike[str], **options: Any) -> Dataset:
         """Writes it in the format of COCO, into a new or empty folder. Options are those of the writer ``coco``."""
@@ -124,8 +126,7 @@ class Dataset(Sequence[Sample]):
         return f"Dataset({self.path!r}: {len(self)} images, {self.format})"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        path, format, image_folder, trust_paths = self._named
-        return (_again, (path, format, image_folder, trust_paths))
+        return (_again, self._anywhere)
 
 
 def _again(path: str, format: str | None, image_folder: str | None, trust_paths: bool) -> Dataset:

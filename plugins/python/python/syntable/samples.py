@@ -148,13 +148,7 @@ class Sample:
         if not isinstance(product, str):
             raise TypeError(f"a product is named by text, such as sample['rgb'], not {product!r}: see sample.products")
         if product not in self._made:
-            try:
-                self._made[product] = self._raw.get(product)
-            except KeyError as error:
-                # A stage learns which products it reads, and everyone else which product is meant.
-                text, only, known = error.args[0].partition(", only ")
-                near = _syntable.nearest(product, self.products) if only else None
-                raise KeyError(f"{text}: did you mean `{near}`?" if near else text + only + known) from None
+            self._made[product] = self._raw.get(product)
         return self._made[product]
 
     def __iter__(self) -> NoReturn:
@@ -376,7 +370,7 @@ class _Held:
 
     def get(self, name: str) -> Any:
         if name not in self.values:
-            raise KeyError(f"the sample has no `{name}`, only {', '.join(self.values)}")
+            raise KeyError(_syntable.missing_product(name, list(self.values)))
         return self.values[name]
 
     def read(self, names: list[str]) -> None:

@@ -18,5 +18,5 @@ pub use asset_source::add_asset_source;
 pub use call::{Interrupts, are_abandoned, end_calls, give_up};
 pub use light::add_light;
 pub use placer::{SceneAssets, add_placer};
-pub use product::near;
+pub use product::missing_product;
 pub use writer::{FinishedDataset, SceneOutput, add_writer};
