@@ -65,7 +65,7 @@ impl RunDataset {
         })
     }
 
-    /// Says which images a dataset of another writer lacks, if it stores products that no other dataset has.
+    /// Names images that a dataset of another writer lacks, if it stores products that no other dataset has.
     fn lacking(&self, places: &BTreeMap<(SceneId, ViewId), usize>, keys: &[KeyId], folder: &Path) -> Option<String> {
         let is_lacking = |image: &&ImageRef| !places.contains_key(&(image.scene, image.view));
         let lacking: Vec<_> = self.first.images.iter().filter(is_lacking).collect();

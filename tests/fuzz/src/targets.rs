@@ -196,7 +196,7 @@ pub fn product(input: &[u8]) {
     }
 }
 
-/// Declarations of products: what was read is written the same way.
+/// Declarations of products: written and read again, they are the same.
 pub fn products_file(input: &[u8]) {
     let Ok(read) = KnownProducts::declared_in(input) else { return };
     let keys: Vec<_> = read.iter().copied().collect();
