@@ -33,7 +33,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
-use verbs::{check, convert, doctor, list, merge, new, plan, run, validate, verify};
+use verbs::{check, convert, doctor, list, merge, new, plan, run, status, validate, verify};
 
 /// Generates synthetic datasets for unseen-object amodal instance segmentation.
 #[derive(Parser)]
@@ -80,11 +80,16 @@ enum BuiltIn {
     #[command(after_help = "Example:
   syntable verify data                        then: syntable run recipe.toml --out data --repair")]
     Verify(verify::VerifyArgs),
+    /// Show how far datasets are: scenes that are done, failed or missing, pace, and time left. Exit code 3 until all is done.
+    #[command(after_help = "Examples:
+  syntable status data
+  syntable status data/mine.shards --json     the shards of a job, for programs")]
+    Status(status::StatusArgs),
     /// Merge separately made parts of a dataset into one, as if one run had made it.
     #[command(after_help = "Example:
-  syntable run recipe.toml --out part-0 --scenes 0..100
-  syntable run recipe.toml --out part-1 --scenes 100..200     on another machine
-  syntable merge data part-0 part-1")]
+  syntable run recipe.toml --out data --shard 0/2
+  syntable run recipe.toml --out data --shard 1/2             on another machine
+  syntable merge data data.shards")]
     Merge(merge::MergeArgs),
     /// Check the labels of a dataset in any readable format: masks, rates, boxes, order, depth, poses, files.
     #[command(after_help = "Examples:
@@ -242,6 +247,7 @@ fn run_verb(console: &Console, verb: BuiltIn, registry: &Registry, mut command: 
     match verb {
         BuiltIn::Run(args) => run::run(console, registry, &args, &command),
         BuiltIn::Verify(args) => verify::verify(console, &args),
+        BuiltIn::Status(args) => status::status(console, &args),
         BuiltIn::Merge(args) => merge::merge(console, registry, &args),
         BuiltIn::Validate(args) => validate::validate(console, registry, &args),
         BuiltIn::Convert(args) => convert::convert(console, registry, args),

@@ -44,7 +44,7 @@ mod _syntable {
         add_writer, end_calls, missing_product,
     };
     #[pymodule_export]
-    use super::verbs::{Viewer, convert, evaluate, merge, plan, preview, report, run, stats, validate, verify};
+    use super::verbs::{Viewer, convert, evaluate, merge, plan, preview, report, run, stats, status, validate, verify};
     use super::*;
 
     #[pymodule_init]

@@ -9,6 +9,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
+use syntable_model::store::StoreFolder;
 use syntable_runtime::run::MergeOptions;
 use syntable_runtime::run::dataset::journal::Journal;
 use syntable_runtime::run::progress::count;
@@ -18,12 +19,18 @@ use syntable_runtime::{run, workers};
 pub(crate) struct MergeArgs {
     /// Folder of the merged dataset, new or from an earlier call.
     out: PathBuf,
-    /// Folders of the parts, made from one recipe with different `--scenes`.
+    /// Folders of the parts, made from one recipe with `--shard` or different `--scenes`, or folders of such folders.
     #[arg(required = true)]
     parts: Vec<PathBuf>,
     /// Add the parts to a dataset that already has other scenes.
     #[arg(long)]
     extend: bool,
+    /// Merge the shards that exist, although others are missing.
+    #[arg(long)]
+    partial: bool,
+    /// Merge parts that different devices rendered.
+    #[arg(long)]
+    mixed_devices: bool,
     /// Run programs that write files at the end of a run.
     #[arg(long)]
     allow_code: bool,
@@ -34,7 +41,13 @@ pub(crate) fn merge(console: &Console, registry: &Registry, args: &MergeArgs) ->
         is_no_part(&args.out, &args.parts)?;
     }
     let stop = on_signals(console, Ends::Work("merged scenes are kept, and the same command continues"))?;
-    let options = MergeOptions { threads: workers::available(), allow_code: args.allow_code, stop: stop.clone() };
+    let options = MergeOptions {
+        allow_code: args.allow_code,
+        partial: args.partial,
+        mixed_devices: args.mixed_devices,
+        stop: stop.clone(),
+        ..MergeOptions::new(workers::available())
+    };
     let merged = run::merge(registry, &args.out, &args.parts, &options, console.reporter());
     end_of(console, &merged.map_err(|error| ended(&stop, error))?, &args.out)
 }
@@ -43,11 +56,12 @@ pub(crate) fn merge(console: &Console, registry: &Registry, args: &MergeArgs) ->
 /// part. After an interrupted merge, all its scenes come from the parts.
 fn is_no_part(out: &Path, parts: &[PathBuf]) -> Result<(), Exit> {
     // Unreadable journals are errors of the merge.
-    let scenes = |folder: &Path| -> BTreeSet<u32> {
-        Journal::entries_of(folder).map(|entries| entries.into_keys().collect()).unwrap_or_default()
+    let scenes = |dataset: StoreFolder| -> BTreeSet<u32> {
+        Journal::entries_of(dataset).map(|entries| entries.into_keys().collect()).unwrap_or_default()
     };
-    let of_parts: BTreeSet<u32> = parts.iter().flat_map(|part| scenes(part)).collect();
-    let own = scenes(out).difference(&of_parts).count();
+    let datasets = parts.iter().flat_map(|part| run::datasets_in(&part.into()).unwrap_or_default());
+    let of_parts: BTreeSet<u32> = datasets.flat_map(scenes).collect();
+    let own = scenes(out.into()).difference(&of_parts).count();
     if own == 0 {
         return Ok(());
     }

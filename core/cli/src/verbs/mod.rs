@@ -8,6 +8,7 @@ pub(crate) mod merge;
 pub(crate) mod new;
 pub(crate) mod plan;
 pub(crate) mod run;
+pub(crate) mod status;
 mod template;
 pub(crate) mod validate;
 pub(crate) mod verify;

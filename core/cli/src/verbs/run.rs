@@ -10,20 +10,24 @@ use syntable_model::error::Error;
 use syntable_model::registry::Registry;
 use syntable_recipe::message::Message;
 use syntable_runtime::cache::DiskCache;
-use syntable_runtime::run::progress::count;
-use syntable_runtime::run::{RunOptions, RunOutcome, SceneRange, run as run_recipe};
+use syntable_runtime::run::progress::{Event, count};
+use syntable_runtime::run::{RunOptions, RunOutcome, SceneRange, Shard, ShardChoice, run as run_recipe};
 use syntable_runtime::workers;
 
 #[derive(Args)]
 pub(crate) struct RunArgs {
     #[command(flatten)]
     recipe: RecipeArgs,
-    /// Folder of the dataset. Default: `data/<dataset.name>`.
+    /// Folder of the dataset. Default: `data/<dataset.name>`. Shard 3 of 10 goes to `<DIR>.shards/3-of-10`.
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Make only these scenes: `A..B` (without B), `A..`, `..B`, or one number.
     #[arg(long, allow_hyphen_values = true, value_name = "A..B", value_parser = str::parse::<SceneRange>)]
     scenes: Option<SceneRange>,
+    /// Make one of N shards, number I from 0, for `merge`. `auto` takes both numbers from the variables of a Slurm array, AWS
+    /// Batch, Cloud Run or SkyPilot, and `auto/N` also from Kubernetes or PBS.
+    #[arg(long, value_name = "I/N", value_parser = str::parse::<ShardChoice>)]
+    shard: Option<ShardChoice>,
     /// Worker threads. Default: all cores. The dataset does not depend on their number.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -54,8 +58,11 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs, progra
     recipe.ready(args.allow_code).map_err(Exit::wrong)?;
     let scenes = args.scenes.map(|scenes| scenes.within(recipe.dataset.scenes)).transpose().map_err(Exit::wrong)?;
     let stop = on_signals(console, Ends::Work("finished scenes are kept, and the same command continues"))?;
+    let shard = args.shard.map(|choice| shard_of(console, choice)).transpose()?;
+    let dataset = args.out.clone().unwrap_or_else(|| PathBuf::from("data").join(&recipe.dataset.name));
     let options = RunOptions {
         scenes,
+        shard,
         allow_code: args.allow_code,
         overwrite: args.overwrite,
         retry_failed: args.retry_failed,
@@ -63,7 +70,7 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs, progra
         rewrite: args.rewrite,
         stop: stop.clone(),
         ..RunOptions::new(
-            args.out.clone().unwrap_or_else(|| PathBuf::from("data").join(&recipe.dataset.name)),
+            shard.map_or_else(|| dataset.clone(), |shard| shard.folder(&dataset)),
             args.threads.map_or_else(workers::available, usize::from),
             DiskCache::of_user(),
         )
@@ -71,10 +78,28 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs, progra
     let outcome = run_recipe(&recipe, &options, console.reporter()).map_err(|error| ended(&stop, error))?;
     let out = options.out.name();
     end_of(console, &outcome, &out)?;
+    if shard.is_some() {
+        let (all, dataset) = (Shard::folder_of_all(&dataset).display().to_string(), dataset.display());
+        console.suggest(&[
+            (format!("status {all}"), "how far all shards are"),
+            (format!("merge {dataset} {all}"), "one dataset, once all shards are done"),
+        ]);
+        return Ok(());
+    }
     let linked = NEXT.iter().filter(|(verb, _)| program.find_subcommand(verb).is_some());
     let steps = linked.map(|(verb, what)| (format!("{verb} {}", out.display()), *what));
     console.suggest(&steps.collect::<Vec<_>>());
     Ok(())
+}
+
+/// The shard that a choice means. Prints the variables of a job array that determined it.
+fn shard_of(console: &Console, choice: ShardChoice) -> Result<Shard, Exit> {
+    let (shard, variables) = choice.resolve(&|name| std::env::var(name).ok()).map_err(Exit::wrong)?;
+    if !variables.is_empty() {
+        let message = format!("shard {shard}, from {}", variables.join(" and "));
+        console.reporter().event(&Event::Note { message });
+    }
+    Ok(shard)
 }
 
 /// Ends a verb that made a dataset: exit code 3 and the reasons if the dataset is incomplete.

@@ -90,7 +90,7 @@ impl Store for FsStore {
             }
             _ => None,
         };
-        Ok(Some(Found { kind, size: there.len(), leads_to }))
+        Ok(Some(Found { kind, size: there.len(), leads_to, modified: there.modified().ok() }))
     }
 
     fn list(&self, folder: &str) -> Result<Vec<(String, Kind)>> {

@@ -78,7 +78,7 @@ impl Store for MemStore {
 
     fn look(&self, path: &str) -> Result<Option<Found>> {
         let files = self.files.lock();
-        let found = |kind, size| Some(Found { kind, size, leads_to: None });
+        let found = |kind, size| Some(Found { kind, size, leads_to: None, modified: None });
         Ok(match files.get(path) {
             Some(bytes) => found(Kind::File, bytes.len() as u64),
             None if path.is_empty() || is_folder(&files, path) => found(Kind::Folder, 0),

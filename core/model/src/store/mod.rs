@@ -32,6 +32,7 @@ use std::any::Any;
 use std::fmt;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 /// Files by path. A folder exists if it contains files.
 ///
@@ -109,6 +110,8 @@ pub struct Found {
     pub size: u64,
     /// The target of a link, as the link states it.
     pub leads_to: Option<String>,
+    /// When the content of a file last changed, if the store knows.
+    pub modified: Option<SystemTime>,
 }
 
 /// The kind of an entry.

@@ -14,9 +14,9 @@ use crate::run::making::times::Times;
 use crate::run::outcome::RunOutcome;
 use crate::run::panics;
 use crate::run::progress::{Event, Reporter, Warnings, count};
+use crate::run::shard::WantedScenes;
 use parking_lot::Mutex;
 use std::collections::BTreeSet;
-use std::ops::Range;
 use syntable_model::context::{DatasetContext, Log, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
@@ -36,7 +36,7 @@ pub fn end(
     folder: &Folder,
     journal: Journal,
     resolved: &str,
-    (repair, wanted, told): (bool, &Range<u32>, &BTreeSet<Notice>),
+    (repair, wanted, told): (bool, &WantedScenes, &BTreeSet<Notice>),
 ) -> Result<RunOutcome> {
     let log = &Warnings(reporter);
     let journal = Mutex::new(journal);
@@ -160,7 +160,7 @@ fn take_strays(
     recipe: &Recipe,
     folder: &Folder,
     made: &[JournalEntry],
-    wanted: &Range<u32>,
+    wanted: &WantedScenes,
     journal: &Mutex<Journal>,
 ) -> Result<u32> {
     let mut waiting = 0;
@@ -168,7 +168,7 @@ fn take_strays(
         let files = folder.manifest_of(entry)?;
         let kept = work_list::kept(&files, entry, &recipe.component_of(entry.scene).1.plan);
         let has = |id: &str| recipe.write.iter().any(|(other, _)| other == id);
-        let waits = |id: &String| has(id) && !kept.writers.contains_key(id) && !wanted.contains(&entry.scene);
+        let waits = |id: &String| has(id) && !kept.writers.contains_key(id) && !wanted.has(entry.scene);
         waiting += u32::from(files.writers.keys().any(waits));
         let stays = files.only(|id| kept.writers.contains_key(id) || waits(&id.to_owned()));
         if stays != files {

@@ -13,6 +13,7 @@ use crate::run::options::MergeOptions;
 use crate::run::outcome::{RunOutcome, stopping};
 use crate::run::progress::{Event, Guarded, Reporter, Warnings, count};
 use crate::run::scene_range::ranges;
+use crate::run::shard::{Shard, WantedScenes};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::btree_map::Entry;
@@ -22,19 +23,26 @@ use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::{DatasetPath, RESERVED};
 use syntable_model::registry::{Registry, Slot};
-use syntable_model::store::StoreFolder;
+use syntable_model::store::{Kind, StoreFolder};
+use syntable_model::words::SHOWN;
 use syntable_recipe::{Lock, Overrides, Recipe, Source, lock_of, with_devices, without_lock};
 
 /// An open part.
 struct MergePart {
     folder: Folder,
+    shard: Option<Shard>,
     entries: BTreeMap<u32, JournalEntry>,
     recipe: String,
 }
 
-/// Merges the scenes of several parts into a dataset, which is new or was begun by an earlier call. The result equals
-/// the dataset of one run, byte for byte. The parts stay unchanged: their files are hard links where the file system
-/// allows it, else copies. After an error, the same call continues.
+/// Merges the scenes of several parts into a dataset, which is new or was begun by an earlier call. A part is a dataset, or
+/// a folder of datasets such as the shards of a job. The result equals the dataset of one run, byte for byte. The parts
+/// stay unchanged: their files are hard links where the file system allows it, else copies. After an error, the same call
+/// continues.
+///
+/// # Errors
+/// If parts have different recipes, inputs or devices, were made by different versions of the program, are the same shard,
+/// or have different scenes of one number; if shards are missing; if a file cannot be read or written.
 pub fn merge<P: Clone + Into<StoreFolder>>(
     registry: &Registry,
     out: impl Into<StoreFolder>,
@@ -42,10 +50,11 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     options: &MergeOptions,
     reporter: &dyn Reporter,
 ) -> Result<RunOutcome> {
-    let MergeOptions { threads, allow_code, stop } = options;
+    let MergeOptions { threads, allow_code, partial, mixed_devices, stop } = options;
     let start = Instant::now();
     let reporter = &Guarded(reporter);
-    let (out, parts) = (out.into(), parts.iter().cloned().map(Into::into).collect::<Vec<StoreFolder>>());
+    let named: Vec<StoreFolder> = parts.iter().cloned().map(Into::into).collect();
+    let (out, parts) = (out.into(), named.iter().map(datasets_in).collect::<Result<Vec<_>>>()?.concat());
     is_apart(&out, &parts)?;
     let parts: Vec<MergePart> = parts.into_iter().map(open).collect::<Result<_>>()?;
     let Some(first) = parts.first() else {
@@ -64,16 +73,25 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     folder.recover()?;
     let journal = folder.journal()?;
     let recipe_of_target = if folder.is_empty(&journal)? { None } else { Some(recipe_of(&folder, "dataset")?) };
-    let begun =
-        MergePart { entries: journal.entries().clone(), recipe: recipe_of_target.clone().unwrap_or_default(), folder };
+    let begun = MergePart {
+        entries: journal.entries().clone(),
+        recipe: recipe_of_target.clone().unwrap_or_default(),
+        shard: folder.shard()?,
+        folder,
+    };
     if recipe_of_target.is_some() {
         same_recipe(&begun, first)?;
         inputs.add(&begun)?;
     }
-    let devices = devices(std::iter::once(&begun).chain(&parts), &log);
+    let devices = devices(std::iter::once(&begun).chain(&parts), (*mixed_devices).then_some(&log))?;
     let resolved = with_devices(&first.recipe, &devices);
     // Parts that contradict each other leave the dataset as it was.
     let chosen = choose(&begun, &parts)?;
+    if !partial {
+        let has = |scene: u32| begun.entries.contains_key(&scene);
+        all_shards(&parts, recipe.dataset.scenes, &has)?;
+    }
+    begun.folder.set_shard(None)?;
     begun.folder.set_recipe(&resolved)?;
     reporter.event(&Event::Started {
         out: out.name().display().to_string(),
@@ -99,8 +117,16 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     let journal = journal.into_inner();
     let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains_key(scene)).collect();
     let (pool, told) = (Pool::new(*threads)?, BTreeSet::new());
-    let outcome = finish::end(&recipe, reporter, &pool, &begun.folder, journal, &resolved, (false, &(0..0), &told))
-        .map_err(stopping)?;
+    let outcome = finish::end(
+        &recipe,
+        reporter,
+        &pool,
+        &begun.folder,
+        journal,
+        &resolved,
+        (false, &WantedScenes::of_range(0..0), &told),
+    )
+    .map_err(stopping)?;
     let missing = lacks.len() as u32;
     if missing > 0 {
         let all = count(recipe.dataset.scenes, "scene");
@@ -149,6 +175,61 @@ fn is_apart(out: &StoreFolder, parts: &[StoreFolder]) -> Result<()> {
     Ok(())
 }
 
+/// A dataset, or the datasets in a folder, such as the shards of a job, by name.
+///
+/// # Errors
+/// If the folder cannot be read.
+pub fn datasets_in(named: &StoreFolder) -> Result<Vec<StoreFolder>> {
+    if layout::is_dataset(named)? {
+        return Ok(vec![named.clone()]);
+    }
+    let mut names: Vec<String> =
+        named.list("")?.into_iter().filter(|(_, kind)| *kind == Kind::Folder).map(|(name, _)| name).collect();
+    names.sort_unstable();
+    let mut found = Vec::new();
+    for name in names {
+        let Ok(name) = DatasetPath::new(name) else { continue };
+        let inside = named.inner(&name);
+        if layout::is_dataset(&inside)? {
+            found.push(inside);
+        }
+    }
+    // A folder without datasets is an error of its own.
+    Ok(if found.is_empty() { vec![named.clone()] } else { found })
+}
+
+/// Refuses shards of different divisions, shards that come twice, and missing shards with scenes that the dataset lacks.
+fn all_shards(parts: &[MergePart], scenes: u32, has: &dyn Fn(u32) -> bool) -> Result<()> {
+    let mut found: BTreeMap<u32, &MergePart> = BTreeMap::new();
+    let shards = || parts.iter().filter_map(|part| Some((part.shard?, part)));
+    let Some((one, first)) = shards().next() else { return Ok(()) };
+    let name = |part: &MergePart| part.folder.name().display().to_string();
+    for (shard, part) in shards() {
+        if shard.count != one.count {
+            let message = format!("{} is shard {one}, and {} is shard {shard}", name(first), name(part));
+            return Err(Error::new(message).help("merge shards of one division"));
+        }
+        if let Some(other) = found.insert(shard.index, part) {
+            let message = format!("{} and {} are both shard {shard}", name(other), name(part));
+            return Err(Error::new(message).help("name each shard once"));
+        }
+    }
+    let lacks = |index: &u32| {
+        let shard = Shard { index: *index, count: one.count };
+        !found.contains_key(index) && shard.scenes(scenes).any(|scene| !has(scene))
+    };
+    let missing: Vec<u32> = (0..one.count.min(scenes)).filter(lacks).collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let shown = missing.iter().take(SHOWN).map(|&index| Shard { index, count: one.count }.to_string());
+    let more = missing.len().saturating_sub(SHOWN);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let (shards, verb) = if missing.len() == 1 { ("shard", "is") } else { ("shards", "are") };
+    Err(Error::new(format!("{shards} {}{more} {verb} missing", shown.collect::<Vec<_>>().join(", ")))
+        .help("name the folders of all shards; `options.partial` merges the shards that exist"))
+}
+
 /// The recipe of a folder with scenes.
 fn recipe_of(folder: &Folder, what: &str) -> Result<String> {
     folder.recipe_of_scenes()?.map_err(|lost| {
@@ -168,7 +249,8 @@ fn open(part: StoreFolder) -> Result<MergePart> {
     let entries = Journal::entries_of(folder.files())?;
     let recipe = recipe_of(&folder, "part")?;
     catalog_paths(&folder)?;
-    Ok(MergePart { folder, entries, recipe })
+    let shard = folder.shard()?;
+    Ok(MergePart { folder, shard, entries, recipe })
 }
 
 /// Refuses parts of different recipes.
@@ -243,19 +325,21 @@ fn differed(input: &PartInput, one: &MergePart, other: &MergePart) -> Result<()>
     }
 }
 
-/// The devices that rendered the parts. Warns if they differ.
-fn devices<'p>(parts: impl Iterator<Item = &'p MergePart>, log: &dyn Log) -> BTreeSet<String> {
+/// The devices that rendered the parts. Refuses different devices, or warns about them if there is a log.
+fn devices<'p>(parts: impl Iterator<Item = &'p MergePart>, log: Option<&dyn Log>) -> Result<BTreeSet<String>> {
     let mut all: Vec<BTreeSet<String>> = parts.map(|part| lock_of(&part.recipe).devices).collect();
     all.retain(|devices| !devices.is_empty());
     if all.windows(2).any(|pair| pair[0] != pair[1]) {
         let names: BTreeSet<&str> = all.iter().flatten().map(String::as_str).collect();
         let names: Vec<&str> = names.into_iter().collect();
-        log.warn(
-            &Error::new(format!("different devices rendered the parts: {}", names.join(", ")))
-                .help("images may differ by rounding; `cpu_path` gives the same bytes on every machine"),
-        );
+        let error = Error::new(format!("different devices rendered the parts: {}", names.join(", ")));
+        let help = "images may differ by rounding; `cpu_path` gives the same bytes on every machine";
+        match log {
+            Some(log) => log.warn(&error.help(help)),
+            None => return Err(error.help(format!("{help}; `options.mixed_devices` merges them"))),
+        }
     }
-    all.into_iter().flatten().collect()
+    Ok(all.into_iter().flatten().collect())
 }
 
 /// The scenes that are not merged yet, each with a part that has it. All parts with a scene must agree on it.

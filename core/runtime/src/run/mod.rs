@@ -10,8 +10,9 @@
 //! | [`making`] | scenes: attempts, the walk over a scene, sessions, the queue, writers, losses, times |
 //! | `finish` | annotators of the dataset, and the last step of writers |
 //! | [`forecast`] | the time and disk space of a run, measured on its first scenes |
+//! | `status` | counts and pace of datasets that other processes make |
 //! | `merge`, `convert`, [`preview`] | one dataset of several parts; a dataset in other formats; single views without a dataset |
-//! | [`progress`], [`stop`], `panics`, `scene_range` | events and their listeners; early ends; panics as errors; scenes by number |
+//! | [`progress`], [`stop`], `panics`, `scene_range`, `shard` | events and their listeners; early ends; panics as errors; scenes by number and by shard |
 
 mod conversion_target;
 mod convert;
@@ -27,15 +28,19 @@ pub(crate) mod panics;
 pub mod preview;
 pub mod progress;
 pub(crate) mod scene_range;
+mod shard;
+mod status;
 pub mod stop;
 
 pub use convert::{Converted, check_images, check_place, convert_dataset, not_listed, products_of};
 pub use dataset::loss::Loss;
 pub use dataset::verify::{Verified, verify};
-pub use merge::merge;
+pub use merge::{datasets_in, merge};
 pub use options::{MergeOptions, RunOptions};
 pub use outcome::RunOutcome;
 pub use scene_range::SceneRange;
+pub use shard::{Shard, ShardChoice, WantedScenes};
+pub use status::{DatasetStatus, Progress, Status, status};
 
 use crate::workers::{Pool, Stoppable};
 use decisions::opening::{self, CheckedRun};
@@ -59,7 +64,7 @@ fn run_timed(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter, tim
     let guarded = Guarded(reporter);
     let reporter = &Once::new(&guarded);
     let (pool, log) = (Pool::new(options.threads)?, Warnings(reporter));
-    let wanted = options.scenes.clone().unwrap_or(0..u32::MAX);
+    let wanted = options.wanted(u32::MAX)?;
     let checked = CheckedRun::new(recipe, options, &log)?;
     let folder = opening::open_folder(options, reporter)?;
     let aside = if options.overwrite { first_scene::replace(recipe, options, &folder, reporter)? } else { None };

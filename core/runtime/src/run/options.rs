@@ -1,8 +1,10 @@
 //! How to run a recipe.
 
 use crate::cache::DiskCache;
+use crate::run::shard::{Shard, WantedScenes};
 use crate::run::stop::Stop;
 use std::ops::Range;
+use syntable_model::error::Result;
 use syntable_model::store::StoreFolder;
 
 /// Options of a run.
@@ -11,6 +13,8 @@ pub struct RunOptions {
     pub out: StoreFolder,
     /// Scenes of the recipe to make, not empty; `None` makes all.
     pub scenes: Option<Range<u32>>,
+    /// Make only the scenes of this shard. `None` makes a dataset that is no shard.
+    pub shard: Option<Shard>,
     /// Number of threads.
     pub threads: usize,
     /// Maximum number of scenes in progress at once; `None`: one per thread. The dataset does not depend on it.
@@ -38,6 +42,10 @@ pub struct MergeOptions {
     pub threads: usize,
     /// Run programs that write the files at the end. They are code of the author of the parts' recipe.
     pub allow_code: bool,
+    /// Merge shards although others of their dataset are missing.
+    pub partial: bool,
+    /// Merge parts that different devices rendered. Their images may differ by rounding from images of one device.
+    pub mixed_devices: bool,
     /// Ends the merge early on request.
     pub stop: Stop,
 }
@@ -45,7 +53,7 @@ pub struct MergeOptions {
 impl MergeOptions {
     /// Options of a merge with this number of threads.
     pub fn new(threads: usize) -> Self {
-        Self { threads, allow_code: false, stop: Stop::default() }
+        Self { threads, allow_code: false, partial: false, mixed_devices: false, stop: Stop::default() }
     }
 }
 
@@ -56,6 +64,7 @@ impl RunOptions {
         Self {
             out,
             scenes: None,
+            shard: None,
             threads,
             scenes_in_flight: None,
             allow_code: false,
@@ -66,5 +75,13 @@ impl RunOptions {
             cache,
             stop,
         }
+    }
+
+    /// The scenes that a run of a recipe with `count` scenes makes.
+    ///
+    /// # Errors
+    /// If the recipe does not have them.
+    pub(crate) fn wanted(&self, count: u32) -> Result<WantedScenes> {
+        WantedScenes::of(self.scenes.as_ref(), self.shard, count)
     }
 }

@@ -175,11 +175,16 @@ fn a_dataset_names_the_cards_that_rendered_it() {
     run_scenes(&light, &at("third"), 1, Some(1..3)).expect("the second part elsewhere");
     let merge = |out: &str, parts: [&str; 2]| {
         let (parts, said): (Vec<PathBuf>, _) = (parts.iter().map(|part| at(part)).collect(), Said::default());
-        syntable_runtime::run::merge(&registry(), at(out), &parts, &MergeOptions::new(1), &said).expect("merges");
+        let options = MergeOptions { mixed_devices: true, ..MergeOptions::new(1) };
+        syntable_runtime::run::merge(&registry(), at(out), &parts, &options, &said).expect("merges");
         (said.contains("different devices rendered the parts: X1 (driver 1), X2"), devices_of(&at(out)))
     };
     assert_eq!(merge("one", ["first", "second"]), (false, vec!["X1 (driver 1)".to_owned()]));
     assert_same(&at("one"), &at("whole"));
+    let parts = ["first", "third"].map(at);
+    let error = syntable_runtime::run::merge(&registry(), at("two"), &parts, &MergeOptions::new(1), &Quiet);
+    let error = error.expect_err("refused").to_string();
+    assert!(error.contains("X1 (driver 1), X2") && error.contains("options.mixed_devices"), "{error}");
     assert_eq!(merge("two", ["first", "third"]), (true, vec!["X1 (driver 1)".to_owned(), "X2".to_owned()]));
 }
 

@@ -10,6 +10,7 @@ mod hostile;
 mod kit;
 mod mixture;
 mod preview;
+mod shards;
 mod stores;
 mod whole;
 

@@ -30,6 +30,20 @@ def optional_path(value: Any, name: str) -> str | None:
     return None if value is None else path(value, name)
 
 
+def shard_text(shard: Any) -> str | None:
+    """A shard as the command takes it: ``3/10``, ``auto`` or ``auto/10``.
+
+    Raises:
+        TypeError: If it is neither text nor a pair of integers.
+    """
+    if shard is None or isinstance(shard, str):
+        return shard
+    numbers = [index(number) for number in shard] if isinstance(shard, (tuple, list)) else []
+    if len(numbers) != 2 or None in numbers:
+        raise TypeError(f"shard is a text such as '3/10' or 'auto', or a pair such as (3, 10), not {shard!r}")
+    return f"{numbers[0]}/{numbers[1]}"
+
+
 def png_path(value: Any) -> str:
     """The path of an image that is written as PNG.
 

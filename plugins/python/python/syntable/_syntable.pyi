@@ -172,13 +172,15 @@ def run(
     recipe: Recipe,
     out: _Path,
     scenes: tuple[int, int] | None,
+    shard: str | None,
     threads: int | None,
     flags: list[str],
     progress: _Progress,
 ) -> dict[str, Any]: ...
 def merge(
-    parts: list[str], out: _Path, threads: int | None, allow_code: bool, progress: _Progress
+    parts: list[str], out: _Path, threads: int | None, flags: list[str], progress: _Progress
 ) -> dict[str, Any]: ...
+def status(datasets: list[str]) -> dict[str, Any]: ...
 def verify(dataset: _Path, threads: int | None) -> dict[str, Any]: ...
 def plan(
     recipe: Recipe, measured: int | None, threads: int | None, allow_code: bool, progress: _Progress

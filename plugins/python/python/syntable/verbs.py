@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from . import _syntable, _toml
-from ._arguments import path
+from ._arguments import path, shard_text
 from .datasets import Dataset, named
 from .generating import scene_range, thread_count
 from .progress import Progress, listener
@@ -16,13 +16,17 @@ from .recipes import Recipe, as_recipe
 
 __all__ = [
     "Conversion",
+    "DatasetProgress",
+    "DatasetStatus",
     "Fault",
     "Outcome",
+    "Status",
     "Validation",
     "Verification",
     "convert",
     "merge",
     "run",
+    "status",
     "validate",
     "verify",
 ]
@@ -73,6 +77,7 @@ def run(
     out: str | os.PathLike[str],
     *,
     scenes: range | tuple[int, int] | int | None = None,
+    shard: str | tuple[int, int] | None = None,
     threads: int | None = None,
     overwrite: bool = False,
     retry_failed: bool = False,
@@ -87,6 +92,9 @@ def run(
         recipe: A recipe, its path, ``builtin:NAME``, or dicts.
         out: Folder of the dataset.
         scenes: Numbers of the scenes to make, such as ``range(0, 10)``. Default: all.
+        shard: Make one shard for `merge`: ``"3/10"`` or ``(3, 10)`` for number 3 of 10, from 0. ``"auto"`` takes both
+            numbers from the variables of a job array, and ``"auto/10"`` the number of the task. The shard goes to the
+            folder ``OUT.shards/3-of-10``.
         threads: Number of threads; the dataset does not depend on it. Default: all cores.
         overwrite: Delete the dataset in the folder, and start again.
         retry_failed: Retry scenes that failed before.
@@ -111,11 +119,12 @@ def run(
         as_recipe(recipe)._raw,
         path(out, "out"),
         scene_range(scenes),
+        shard_text(shard),
         thread_count(threads),
         [name for name, is_on in switches.items() if is_on],
         listener(progress),
     )
-    return Outcome(path=path(out, "out"), **found)
+    return Outcome(**found)
 
 
 def merge(
@@ -123,16 +132,20 @@ def merge(
     out: str | os.PathLike[str],
     *,
     threads: int | None = None,
+    partial: bool = False,
+    mixed_devices: bool = False,
     allow_code: bool = False,
     progress: Progress = None,
 ) -> Outcome:
-    """Merges the parts of a dataset, which were made from one recipe with different ``scenes``. The result equals the
-    dataset of one run, byte for byte. The parts stay as they are.
+    """Merges the parts of a dataset, which were made from one recipe with different ``scenes`` or as shards. The result
+    equals the dataset of one run, byte for byte. The parts stay as they are.
 
     Args:
-        parts: Folders of the parts.
+        parts: Folders of the parts, or folders of such folders.
         out: Folder of the merged dataset, new or from an earlier call.
         threads: Number of threads. Default: all cores.
+        partial: Merge the shards that exist, although others are missing.
+        mixed_devices: Merge parts that different devices rendered. Their images may differ by rounding.
         allow_code: Run programs that write files at the end of a run.
         progress: Shows progress, or receives every event; see `Progress`.
 
@@ -142,8 +155,86 @@ def merge(
     if isinstance(parts, (str, os.PathLike)):
         raise TypeError(f"parts is a list of folders, such as [{os.fspath(parts)!r}]")
     folders = [path(part, f"parts[{number}]") for number, part in enumerate(parts)]
-    found = _syntable.merge(folders, path(out, "out"), thread_count(threads), bool(allow_code), listener(progress))
-    return Outcome(path=path(out, "out"), **found)
+    switches = {"partial": partial, "mixed_devices": mixed_devices, "allow_code": allow_code}
+    flags = [name for name, is_on in switches.items() if is_on]
+    found = _syntable.merge(folders, path(out, "out"), thread_count(threads), flags, listener(progress))
+    return Outcome(**found)
+
+
+@dataclass(frozen=True)
+class DatasetProgress:
+    """How far a dataset is.
+
+    Attributes:
+        scenes: Number of scenes of the recipe, or of the shard.
+        done: Scenes that are in the dataset.
+        failed: Scenes that could not be made.
+        missing: Scenes that are neither done nor failed.
+        images: Number of images in the dataset.
+        scenes_per_hour: Pace of the latest scenes; None if there are too few, or no run is active.
+        left_s: Time until all scenes are made at this pace, s.
+    """
+
+    scenes: int
+    done: int
+    failed: int
+    missing: int
+    images: int
+    scenes_per_hour: float | None
+    left_s: float | None
+
+
+@dataclass(frozen=True)
+class DatasetStatus(DatasetProgress):
+    """How far a dataset is, and whether a run is writing it.
+
+    Attributes:
+        path: Its folder.
+        shard: The shard that it is, such as ``3/10``; None if it is no shard.
+        running: Whether a run is writing it now.
+        finished: Whether its last run ended: the annotation files have all scenes.
+        faults: Faults of its journal.
+    """
+
+    path: str
+    shard: str | None
+    running: bool
+    finished: bool
+    faults: list[str]
+
+
+@dataclass(frozen=True)
+class Status:
+    """How far some datasets are.
+
+    Attributes:
+        datasets: Each dataset.
+        missing_shards: Shards that are in no folder, such as ``3/10``.
+        total: All datasets and missing shards together.
+    """
+
+    datasets: list[DatasetStatus]
+    missing_shards: list[str]
+    total: DatasetProgress
+
+
+def status(*datasets: str | os.PathLike[str]) -> Status:
+    """Shows how far datasets are while they are made, perhaps by other processes. Does not disturb runs.
+
+    Args:
+        datasets: Folders of datasets, or of shards such as ``data/mine.shards``.
+
+    Raises:
+        SyntableError: If a folder has no dataset, or cannot be read.
+        TypeError: Without a folder.
+    """
+    if not datasets:
+        raise TypeError("status takes the folders of datasets, such as status('data/mine')")
+    found = _syntable.status([path(dataset, f"datasets[{number}]") for number, dataset in enumerate(datasets)])
+    each = [
+        DatasetStatus(**{"shard": None, "faults": [], **one, "path": one.pop("dataset")}) for one in found["datasets"]
+    ]
+    return Status(datasets=each, missing_shards=found["missing_shards"], total=DatasetProgress(**found["total"]))
 
 
 @dataclass(frozen=True)

@@ -5,35 +5,42 @@ use crate::errors::exception;
 use crate::recipe::Recipe;
 use crate::registry::registry;
 use crate::work::wait_for;
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value as Json, json as object};
 use std::path::PathBuf;
 use syntable::{DiskCache, MergeOptions, RunOptions};
+use syntable_model::store::StoreFolder;
 use syntable_recipe::Component;
 use syntable_recipe::message::Message;
-use syntable_runtime::run::RunOutcome;
 use syntable_runtime::run::forecast::{self, Forecast, ForecastOptions};
 use syntable_runtime::run::progress::Reporter;
+use syntable_runtime::run::{RunOutcome, Shard, ShardChoice};
 
 /// Makes the dataset of a recipe, or continues it. `flags` are the names of options to switch on.
 #[pyfunction]
-#[pyo3(signature = (recipe, out, scenes, threads, flags, progress))]
+#[pyo3(signature = (recipe, out, scenes, shard, threads, flags, progress))]
 pub fn run<'py>(
     py: Python<'py>,
     recipe: &Recipe,
     out: PathBuf,
     scenes: Option<(u32, u32)>,
+    shard: Option<String>,
     threads: Option<usize>,
     flags: Vec<String>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (recipe, warnings) = recipe.load(py, &[])?;
+    let shard = shard.map(|text| shard_of(py, &text)).transpose()?;
+    let out = shard.map_or_else(|| out.clone(), |shard| shard.folder(&out));
+    let path = out.clone();
     let outcome = wait_for(py, progress.as_ref(), move |sender, stop| {
         let has = |name: &str| flags.iter().any(|flag| flag == name);
         warnings.into_iter().for_each(|warning| sender.message(&Message::Diagnostic(warning)));
         let options = RunOptions {
             scenes: scenes.map(|(first, end)| first..end),
+            shard,
             allow_code: has("allow_code"),
             overwrite: has("overwrite"),
             retry_failed: has("retry_failed"),
@@ -44,11 +51,19 @@ pub fn run<'py>(
         };
         syntable::run(&recipe, &options, sender)
     })?;
-    outcome_of(py, outcome)
+    outcome_of(py, outcome, path)
 }
 
-fn outcome_of(py: Python<'_>, outcome: RunOutcome) -> PyResult<Bound<'_, PyDict>> {
+/// The shard that a text such as `3/10` or `auto` means.
+fn shard_of(py: Python<'_>, text: &str) -> PyResult<Shard> {
+    let choice: ShardChoice = text.parse().map_err(PyValueError::new_err)?;
+    let (shard, _) = choice.resolve(&|name| std::env::var(name).ok()).map_err(|error| exception(py, &error))?;
+    Ok(shard)
+}
+
+fn outcome_of(py: Python<'_>, outcome: RunOutcome, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let result = PyDict::new(py);
+    result.set_item("path", path.into_os_string())?;
     result.set_item("scenes", outcome.scenes)?;
     result.set_item("images", outcome.images)?;
     result.set_item("failed", outcome.failed)?;
@@ -60,23 +75,40 @@ fn outcome_of(py: Python<'_>, outcome: RunOutcome) -> PyResult<Bound<'_, PyDict>
     Ok(result)
 }
 
-/// Merges the parts of a dataset.
+/// Merges the parts of a dataset. `flags` are the names of options to switch on.
 #[pyfunction]
-#[pyo3(signature = (parts, out, threads, allow_code, progress))]
+#[pyo3(signature = (parts, out, threads, flags, progress))]
 pub fn merge<'py>(
     py: Python<'py>,
     parts: Vec<PathBuf>,
     out: PathBuf,
     threads: Option<usize>,
-    allow_code: bool,
+    flags: Vec<String>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let registry = registry(py)?;
+    let (registry, path) = (registry(py)?, out.clone());
     let outcome = wait_for(py, progress.as_ref(), move |sender, stop| {
-        let options = MergeOptions { threads: threads_or_all(threads), allow_code, stop: stop.clone() };
+        let has = |name: &str| flags.iter().any(|flag| flag == name);
+        let options = MergeOptions {
+            allow_code: has("allow_code"),
+            partial: has("partial"),
+            mixed_devices: has("mixed_devices"),
+            stop: stop.clone(),
+            ..MergeOptions::new(threads_or_all(threads))
+        };
         syntable::merge(&registry, &out, &parts, &options, sender)
     })?;
-    outcome_of(py, outcome)
+    outcome_of(py, outcome, path)
+}
+
+/// The state of datasets, or of the datasets in folders.
+#[pyfunction]
+#[pyo3(signature = (datasets))]
+pub fn status(py: Python<'_>, datasets: Vec<PathBuf>) -> PyResult<Bound<'_, PyAny>> {
+    let found = wait_for(py, None, move |_, _| {
+        syntable_runtime::run::status(&datasets.iter().map(StoreFolder::from).collect::<Vec<_>>())
+    })?;
+    json(py, &object!(found))
 }
 
 /// Compares the files of a dataset with its journal.

@@ -7,7 +7,7 @@ mod showing;
 
 pub use datasets::{convert, report, stats, validate};
 pub use evaluation::evaluate;
-pub use making::{merge, plan, run, verify};
+pub use making::{merge, plan, run, status, verify};
 pub use showing::{Viewer, preview};
 
 use crate::errors::exception;

@@ -37,6 +37,13 @@ impl Finished {
     }
 }
 
+/// Whether the last run of a dataset ended.
+pub fn is_finished(dataset: &StoreFolder) -> Result<bool> {
+    let Some(digest) = Finished::of(dataset)?.journal else { return Ok(false) };
+    let journal = layout::journal();
+    Ok(dataset.has(&journal)? && Stamp::of(dataset, &journal)?.1 == digest)
+}
+
 /// Digest that identifies a recipe: all of it except the locked assets.
 pub(super) fn digest_of_recipe(text: &str) -> Digest {
     Digest::of(without_assets(text).as_bytes())

@@ -26,6 +26,7 @@ use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout::{self, MARK, RECIPE, SHARDS};
 use crate::run::dataset::locking::lock;
 use crate::run::dataset::manifest::{FileState, Manifest};
+use crate::run::shard::Shard;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -105,6 +106,24 @@ impl Folder {
     /// Opens the journal, or starts one.
     pub fn journal(&self) -> Result<Journal> {
         Journal::open(&self.files)
+    }
+
+    /// The shard that the dataset is.
+    ///
+    /// # Errors
+    /// If its file is damaged.
+    pub fn shard(&self) -> Result<Option<Shard>> {
+        Shard::of_dataset(&self.files)
+    }
+
+    /// Makes the dataset a shard, or no shard.
+    pub fn set_shard(&self, shard: Option<Shard>) -> Result<()> {
+        let path = layout::shard();
+        match shard {
+            _ if self.shard()? == shard => Ok(()),
+            Some(shard) => self.files.write(&path, &serde_json::to_vec(&shard).expect("numbers")),
+            None => self.files.remove(&path),
+        }
     }
 
     /// Whether a scene has files here.

@@ -4,7 +4,7 @@ use crate::run::dataset::draws::PoseDraws;
 use crate::run::dataset::layout;
 use crate::run::dataset::loss::Loss;
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
@@ -275,10 +275,20 @@ impl Journal {
     /// Reads the readable lines of a journal, and describes the others: the first [`SHOWN`], and the number of the
     /// rest.
     pub fn readable(dataset: impl Into<StoreFolder>) -> Result<(BTreeMap<u32, JournalEntry>, Vec<String>)> {
+        Self::readable_lines(&dataset.into(), |_| ())
+    }
+
+    fn readable_lines(
+        dataset: &StoreFolder,
+        mut each: impl FnMut(&JournalEntry),
+    ) -> Result<(BTreeMap<u32, JournalEntry>, Vec<String>)> {
         let (mut entries, mut faults, mut more) = (BTreeMap::new(), Vec::new(), 0_u64);
-        each_line(&dataset.into(), |number, line| {
+        each_line(dataset, |number, line| {
             match line {
-                Ok(entry) => drop(entries.insert(entry.scene, entry)),
+                Ok(entry) => {
+                    each(&entry);
+                    entries.insert(entry.scene, entry);
+                }
                 Err(error) if faults.len() < SHOWN => {
                     faults.push(format!("line {number} is not a journal line: {error}"));
                 }
@@ -290,6 +300,18 @@ impl Journal {
             faults.push(format!("{more} more lines are not journal lines"));
         }
         Ok((entries, faults))
+    }
+
+    /// The readable lines, the scenes of the last `most` of them in the order of the file, and the faults.
+    pub fn latest(dataset: &StoreFolder, most: usize) -> Result<(BTreeMap<u32, JournalEntry>, Vec<u32>, Vec<String>)> {
+        let mut order = VecDeque::new();
+        let (entries, faults) = Self::readable_lines(dataset, |entry| {
+            order.push_back(entry.scene);
+            if order.len() > most {
+                order.pop_front();
+            }
+        })?;
+        Ok((entries, order.into(), faults))
     }
 
     /// Removes unreadable lines, and returns their number.

@@ -4,6 +4,7 @@
 //! recipe.toml                   the resolved recipe with its inputs locked; it gives the same dataset again
 //! .syntable/lock                held while a run works
 //! .syntable/journal.jsonl       one line per finished scene
+//! .syntable/shard.json          number of the shard, if the dataset is one
 //! .syntable/scenes/000003.json  manifest of a scene: its files with sizes and digests
 //! .syntable/finished.json       manifest of the files that the end of a run wrote
 //! .syntable/catalogs/<pool>.json names, categories and numbers of the assets of a pool
@@ -70,6 +71,11 @@ pub fn lock() -> DatasetPath {
 /// The journal.
 pub fn journal() -> DatasetPath {
     own(JOURNAL)
+}
+
+/// The number of the shard.
+pub fn shard() -> DatasetPath {
+    own("shard.json")
 }
 
 /// The working times of stages.

@@ -2,6 +2,8 @@
 
 use crate::run::dataset::foreign;
 use crate::run::dataset::layout;
+use std::thread;
+use std::time::Duration;
 use syntable_model::error::{Error, Result};
 use syntable_model::store::{Access, Hold, StoreFolder};
 
@@ -11,6 +13,23 @@ use syntable_model::store::{Access, Hold, StoreFolder};
 /// If another run works there, or the lock is behind a link.
 pub fn lock(dataset: &StoreFolder, access: Access) -> Result<Hold> {
     foreign::check_mark(dataset)?;
-    let busy = || Error::new("another run is writing this dataset").in_file(dataset.name());
-    dataset.lock(&layout::lock(), access)?.ok_or_else(busy)
+    for attempt in 0..ATTEMPTS {
+        if attempt > 0 {
+            thread::sleep(GLANCE);
+        }
+        if let Some(hold) = dataset.lock(&layout::lock(), access)? {
+            return Ok(hold);
+        }
+    }
+    Err(Error::new("another run is writing this dataset").in_file(dataset.name()))
 }
+
+/// Whether a run is writing a dataset now.
+pub fn is_busy(dataset: &StoreFolder) -> Result<bool> {
+    foreign::check_mark(dataset)?;
+    Ok(dataset.lock(&layout::lock(), Access::Read)?.is_none())
+}
+
+/// [`is_busy`] holds the lock for a moment, in which no run can take it.
+const GLANCE: Duration = Duration::from_millis(20);
+const ATTEMPTS: u32 = 4;

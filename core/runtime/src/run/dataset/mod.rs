@@ -3,12 +3,12 @@
 pub(crate) mod adoption;
 mod commit;
 pub mod draws;
-mod ending;
+pub(crate) mod ending;
 pub mod folder;
 pub(crate) mod foreign;
 pub mod journal;
 pub mod layout;
-mod locking;
+pub(crate) mod locking;
 pub(crate) mod loss;
 pub(crate) mod manifest;
 mod proposal;

@@ -1,6 +1,6 @@
 //! Compares a dataset with its journal, and lists missing, damaged and foreign files.
 
-use crate::run::dataset::ending::Finished;
+use crate::run::dataset::ending::{self, Finished};
 use crate::run::dataset::folder::each_file;
 use crate::run::dataset::foreign::{self, StrayFile};
 use crate::run::dataset::journal::Journal;
@@ -104,11 +104,7 @@ pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> R
         found.look(dataset, path, stamp)?;
     }
     found.add_odd(foreign::names(dataset, &own.lists, workers)?.0);
-    let journal = layout::journal();
-    found.unfinished = match end.journal {
-        Some(digest) => !dataset.has(&journal)? || Stamp::of(dataset, &journal)?.1 != digest,
-        None => true,
-    };
+    found.unfinished = !ending::is_finished(dataset)?;
     if found.unfinished {
         // Before its first end, a run has written the recipe, which the end lists.
         owned.0.insert(key(RECIPE));

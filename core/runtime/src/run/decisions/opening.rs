@@ -12,7 +12,8 @@ use crate::run::decisions::inputs;
 use crate::run::decisions::work_list::Todo;
 use crate::run::options::RunOptions;
 use crate::run::progress::{Event, Reporter, count};
-use crate::run::scene_range::{self, ranges};
+use crate::run::scene_range::ranges;
+use crate::run::shard::{Shard, WantedScenes};
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::context::{Log, Workers};
 use syntable_model::error::{Error, Result};
@@ -53,7 +54,7 @@ impl<'a, 'o> CheckedRun<'a, 'o> {
             ))
             .help("name a kind, or load the recipe with `Overrides::for_run`"));
         }
-        scene_range::within(options.scenes.as_ref(), recipe.dataset.scenes)?;
+        options.wanted(recipe.dataset.scenes)?;
         recipe.ready(options.allow_code)?;
         recipe.fits()?;
         let devices = inputs::devices(recipe)?;
@@ -80,13 +81,14 @@ impl<'a, 'o> CheckedRun<'a, 'o> {
         {
             reporter.event(&Event::Note { message: "recipe.toml was written again".to_owned() });
         }
+        same_shard(&folder, options.shard, &journal)?;
         let (mut resolved, growth) = compare(&folder, recipe, files, &journal, options, reporter)?;
         if options.retry_failed || growth.is_none() {
             journal.forget_failed();
         }
         let damaged = if options.repair { repairs(&folder, &journal, workers, reporter)? } else { BTreeSet::new() };
-        let wanted = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes);
-        let mut todo = Todo::of(recipe, &journal, growth.as_ref(), wanted.clone(), damaged);
+        let wanted = options.wanted(recipe.dataset.scenes)?;
+        let mut todo = Todo::of(recipe, &journal, growth.as_ref(), &wanted, damaged);
         if let Some(aside) = &aside {
             todo.scenes.remove(&aside.entry.scene);
         }
@@ -94,8 +96,8 @@ impl<'a, 'o> CheckedRun<'a, 'o> {
             reporter.event(&Event::Note { message });
         }
         if aside.is_none() {
-            let resumed = wanted.clone().filter(|scene| !todo.scenes.contains_key(scene)).count() as u32;
-            reporter.event(&started(recipe, options, resumed, todo.images(recipe)));
+            let resumed = wanted.iter().filter(|scene| !todo.scenes.contains_key(scene)).count() as u32;
+            reporter.event(&started(recipe, options, (&wanted, resumed), todo.images(recipe)));
         }
         if !todo.scenes.is_empty() && assets.is_none() {
             assets = Some(open_pools(recipe, log)?);
@@ -113,15 +115,30 @@ impl<'a, 'o> CheckedRun<'a, 'o> {
 }
 
 /// The first event of a run.
-pub fn started(recipe: &Recipe, options: &RunOptions, resumed: u32, images: u64) -> Event {
+pub fn started(recipe: &Recipe, options: &RunOptions, (wanted, resumed): (&WantedScenes, u32), images: u64) -> Event {
     Event::Started {
         out: options.out.name().display().to_string(),
-        scenes: options.scenes.clone().unwrap_or(0..recipe.dataset.scenes).len() as u32,
+        scenes: wanted.count(),
         views_per_scene: recipe.dataset.views_per_scene,
         resumed,
         images,
         threads: options.threads,
     }
+}
+
+/// Refuses a shard in the folder of another shard or of a whole dataset, and a whole dataset in the folder of a shard.
+fn same_shard(folder: &Folder, now: Option<Shard>, journal: &Journal) -> Result<()> {
+    let then = folder.shard()?;
+    if then == now || folder.is_empty(journal)? {
+        return Ok(());
+    }
+    let text = |shard: Option<Shard>| shard.map_or_else(|| "no shard".to_owned(), |shard| format!("shard {shard}"));
+    let message = format!("the folder has a dataset that is {}, and this run makes {}", text(then), text(now));
+    let help = match then {
+        Some(then) => format!("run with `options.shard` {then}, or choose another folder with `options.out`"),
+        None => "run without `options.shard`, or choose another folder with `options.out`".to_owned(),
+    };
+    Err(Error::new(message).in_file(folder.name()).help(help).of_request())
 }
 
 /// Opens the folder of a run. Completes the work of an interrupted run, unless the run will overwrite the dataset.

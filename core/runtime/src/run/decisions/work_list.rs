@@ -4,8 +4,8 @@ use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::manifest::Manifest;
 use crate::run::dataset::records::{self, OWNER};
 use crate::run::decisions::growth::Growth;
+use crate::run::shard::WantedScenes;
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::Range;
 use syntable_model::stage::{DatasetInfo, Input, Scenes, Writer};
 use syntable_recipe::plan::Plan;
 use syntable_recipe::{Component, Recipe};
@@ -62,7 +62,7 @@ impl Todo {
         recipe: &Recipe,
         journal: &Journal,
         growth: Option<&Growth>,
-        wanted: Range<u32>,
+        wanted: &WantedScenes,
         damaged: BTreeSet<u32>,
     ) -> Self {
         let recorded = records::names(&recipe.components.first().plan);
@@ -81,7 +81,11 @@ impl Todo {
             (!done).then_some(Job { present, lacks: Some((lacks, records)) })
         };
         Self {
-            scenes: wanted.chain(damaged.iter().copied()).filter_map(|scene| Some((scene, job(scene)?))).collect(),
+            scenes: wanted
+                .iter()
+                .chain(damaged.iter().copied())
+                .filter_map(|scene| Some((scene, job(scene)?)))
+                .collect(),
             adds: growth.is_some_and(|growth| growth.adds),
         }
     }

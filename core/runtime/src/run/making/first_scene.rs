@@ -25,10 +25,12 @@ pub fn replace(
     folder: &Folder,
     reporter: &dyn Reporter,
 ) -> Result<Option<FirstScene>> {
-    let aside = folder.has_scenes()?.then(|| {
-        let scenes = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes).len() as u64;
-        reporter.event(&opening::started(recipe, options, 0, scenes * u64::from(recipe.dataset.views_per_scene)));
-        make(recipe, options, folder, reporter)
+    let wanted = options.wanted(recipe.dataset.scenes)?;
+    let first = if folder.has_scenes()? { wanted.iter().next() } else { None };
+    let aside = first.map(|first| {
+        let images = u64::from(wanted.count()) * u64::from(recipe.dataset.views_per_scene);
+        reporter.event(&opening::started(recipe, options, (&wanted, 0), images));
+        make(recipe, options, first, folder, reporter)
     });
     let aside = aside.transpose()?;
     tell_foreign(reporter, &folder.discard()?);
@@ -36,10 +38,16 @@ pub fn replace(
 }
 
 /// Makes the first scene of a run in its own folder.
-fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &dyn Reporter) -> Result<FirstScene> {
+fn make(
+    recipe: &Recipe,
+    options: &RunOptions,
+    first: u32,
+    folder: &Folder,
+    reporter: &dyn Reporter,
+) -> Result<FirstScene> {
     let message = "the old dataset is deleted when the first scene of the new one is made".to_owned();
     reporter.event(&Event::Note { message });
-    let (ahead, first) = (layout::first_scene(), options.scenes.as_ref().map_or(0, |scenes| scenes.start));
+    let ahead = layout::first_scene();
     let aside = RunOptions {
         scenes: Some(first..first + 1),
         allow_code: options.allow_code,

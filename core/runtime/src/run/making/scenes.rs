@@ -51,6 +51,7 @@ pub fn make(
     begun: Begun,
 ) -> Result<MadeScenes> {
     let Begun { folder, mut journal, resolved, growth, todo, assets, aside } = begun;
+    folder.set_shard(options.shard)?;
     if growth.is_none() {
         journal.rewrite()?;
     }
