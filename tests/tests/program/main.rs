@@ -20,6 +20,7 @@ mod gpu;
 mod growth;
 mod imports;
 mod interchange;
+mod jobs;
 mod labels;
 mod memory;
 mod mixture;

@@ -3,6 +3,7 @@
 pub(crate) mod check;
 pub(crate) mod convert;
 pub(crate) mod doctor;
+mod jobs;
 pub(crate) mod list;
 pub(crate) mod merge;
 pub(crate) mod new;

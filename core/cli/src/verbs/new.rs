@@ -1,5 +1,6 @@
 //! `syntable new`: starts recipes and plugins.
 
+use super::jobs::JobArgs;
 use super::list::products;
 use super::template::{CrateTemplate, TEMPLATES, crates};
 use crate::console::Console;
@@ -50,6 +51,27 @@ enum What {
         /// Folder of the SynTable sources that the crate depends on.
         #[arg(long, value_name = "DIR")]
         syntable: Option<PathBuf>,
+    },
+    /// Write the script of a Slurm array that makes a dataset as shards, and merges it.
+    #[command(after_help = "Example:
+  syntable new slurm job.sbatch --recipe my.toml --out /shared/mine --shards 20 && bash job.sbatch")]
+    Slurm {
+        /// Output file. It must not exist yet.
+        #[arg(default_value = "job.sbatch")]
+        file: PathBuf,
+        #[command(flatten)]
+        job: JobArgs,
+    },
+    /// Write the manifest of a Kubernetes Indexed Job that makes a dataset as shards, a second Job that merges it, and a
+    /// container file.
+    #[command(after_help = "Example:
+  syntable new kubernetes job --recipe my.toml --out /data/mine --shards 20")]
+    Kubernetes {
+        /// Output folder, which must not exist yet.
+        #[arg(default_value = "kubernetes")]
+        folder: PathBuf,
+        #[command(flatten)]
+        job: JobArgs,
     },
 }
 
@@ -141,6 +163,27 @@ pub(crate) fn new(console: &Console, registry: &Registry, args: &NewArgs, progra
             plugin((registry, program), slot, name, &folder, syntable.as_deref())?;
             let (folder, show) = (folder.display(), slot.renamed(slot.show, name));
             console.print(&format!("wrote {folder}\nnext: cd {folder} && cargo run --release -- {show}\n"))
+        }
+        What::Slurm { file, job } => {
+            let text = job.slurm(&file.display().to_string()).map_err(Exit::wrong)?;
+            create(file, &text)?;
+            let file = file.display();
+            console.print(&format!(
+                "wrote {file}\nnext: set the memory, the time and the partition in it, then: bash {file}\n"
+            ))
+        }
+        What::Kubernetes { folder, job } => {
+            let files = job.kubernetes().map_err(Exit::wrong)?;
+            if folder.exists() {
+                return Err(Exit::wrong(Error::new("the folder exists").in_file(folder).help("choose another folder")));
+            }
+            let draft = Draft::begin(folder).map_err(Exit::stopped)?;
+            files.iter().try_for_each(|(name, text)| draft.write(name, text.as_bytes())).map_err(Exit::stopped)?;
+            draft.publish().map_err(Exit::stopped)?;
+            let folder = folder.display();
+            console.print(&format!(
+                "wrote {folder}\nnext: copy the wheel, the recipe and its assets to {folder}, name your registry in job.yaml, and follow its first lines\n"
+            ))
         }
     }
 }
