@@ -219,6 +219,23 @@ def test_a_pickled_sample_of_another_dataset_is_refused(data, tmp_path):
         pickle.loads(stored)
 
 
+def test_shards_are_merged(tmp_path, monkeypatch):
+    recipe, out = small_recipe(**{"dataset.scenes": 3}), tmp_path / "data"
+    whole = st.run(recipe, tmp_path / "whole", progress=False)
+    first = st.run(recipe, out, shard=(0, 2), progress=False)
+    assert first.path == str(tmp_path / "data.shards/0-of-2") and first.scenes == 2
+    found = st.status(tmp_path / "data.shards")
+    assert found.missing_shards == ["1/2"] and found.total.missing == 1 and found.total.scenes == 3
+    assert [one.shard for one in found.datasets] == ["0/2"] and found.datasets[0].finished
+    with pytest.raises(st.SyntableError, match="shard 1/2 is missing.*partial"):
+        st.merge([tmp_path / "data.shards"], out, progress=False)
+    monkeypatch.setenv("JOB_COMPLETION_INDEX", "1")
+    assert st.run(recipe, out, shard="auto/2", progress=False).scenes == 1
+    assert st.merge([tmp_path / "data.shards"], out, progress=False).images == whole.images
+    for name in ("annotation_final.json", ".syntable/journal.jsonl"):
+        assert (out / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
 def test_a_pickled_sample_knows_its_folder(dataset, tmp_path, monkeypatch):
     monkeypatch.chdir(dataset.path)
     near = st.open(".")
