@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use syntable_model::error::Error;
 use syntable_runtime::run::Shard;
 
-/// What a job makes.
+/// The dataset of a job.
 #[derive(Args)]
 pub(super) struct JobArgs {
     /// Recipe.
@@ -73,7 +73,7 @@ impl JobArgs {
 
 /// A text with the values of its `@NAMES@`.
 fn filled(text: &str, values: &[(&str, String)]) -> String {
-    // A value may contain the name of another one.
+    // A value may contain another name.
     let mut filled = String::new();
     let mut rest = text;
     while let Some(at) = rest.find('@') {

@@ -325,7 +325,7 @@ fn differed(input: &PartInput, one: &MergePart, other: &MergePart) -> Result<()>
     }
 }
 
-/// The devices that rendered the parts. Refuses different devices, or warns about them if there is a log.
+/// The devices that rendered the parts. Refuses different devices, or warns about them with a log.
 fn devices<'p>(parts: impl Iterator<Item = &'p MergePart>, log: Option<&dyn Log>) -> Result<BTreeSet<String>> {
     let mut all: Vec<BTreeSet<String>> = parts.map(|part| lock_of(&part.recipe).devices).collect();
     all.retain(|devices| !devices.is_empty());

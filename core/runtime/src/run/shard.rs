@@ -33,7 +33,7 @@ impl Shard {
         if index < count {
             return Ok(Self { index, count });
         }
-        let message = format!("there is no shard {index} of {count}");
+        let message = format!("shard {index} of {count} does not exist");
         Err(Error::new(message).help("shards are numbered from 0: the last of ten is 9/10").of_request())
     }
 
@@ -268,7 +268,7 @@ fn of_array(
     let Some([lowest, highest]) = system.ends else { return Ok(Some(count)) };
     let (low, high) = (number(lowest)?.unwrap_or_default(), number(highest)?.unwrap_or_default());
     read.push(lowest);
-    // Tasks that are submitted again alone are a smaller array, whose shards would be other ones.
+    // Tasks that are submitted again alone are a smaller array, with other shards.
     if low > 1 || u64::from(high) + 1 != u64::from(low) + u64::from(count) {
         let message = format!("the array has {count} of the tasks {low} to {high}");
         let help = "write the number of tasks of the whole array, numbered from 0: auto/10";

@@ -57,7 +57,7 @@ pub struct Progress {
     pub missing: u32,
     /// Images in the dataset.
     pub images: u64,
-    /// Pace of the latest scenes, scenes per hour. None if there are too few, or no run is active.
+    /// Pace of the latest scenes, scenes per hour. None without an active run, or with too few scenes.
     pub scenes_per_hour: Option<f64>,
     /// Time until all scenes are made at this pace, s.
     pub left_s: Option<f64>,

@@ -74,7 +74,7 @@ fn missing_doubled_and_other_shards_are_refused() {
         assert!(error.contains(expected), "{error}");
         assert!(!at("merged/recipe.toml").exists());
     }
-    // What exists is merged on request, and the rest can follow without it.
+    // The existing shards are merged on request, and the last one follows without it.
     let partial = MergeOptions { partial: true, ..MergeOptions::new(1) };
     let outcome = merge(&registry(), at("merged"), &[one.clone(), three], &partial, &Quiet).expect("merged");
     assert_eq!((outcome.scenes, outcome.missing), (3, 2));
@@ -111,7 +111,7 @@ fn a_folder_keeps_its_shard() {
     let into = RunOptions { shard: here.shard, ..options(&folder.path().join("whole"), 1) };
     let error = run_with(&recipe(5), into, &Quiet).expect_err("not a shard").to_string();
     assert!(error.contains("no shard, and this run makes shard 1/3"), "{error}");
-    // Overwriting makes another one, whose range and shard are both kept.
+    // Overwriting makes another shard, of a range of scenes.
     let other = Shard::new(0, 2).expect("a shard");
     let overwritten = RunOptions { shard: Some(other), scenes: Some(1..5), overwrite: true, ..here };
     assert_eq!(run_with(&recipe(5), overwritten, &Quiet).expect("overwritten").scenes, 2);
@@ -139,7 +139,7 @@ fn the_status_counts_scenes_of_shards() {
     let hold = part.lock(&DatasetPath::new(".syntable/lock").expect("a path"), Access::Write).expect("lockable");
     assert!(hold.is_some() && all().datasets[0].running && !all().datasets[0].finished);
     drop(hold);
-    // Lines without their last one, and a line that is none.
+    // A journal with a damaged last line.
     let journal = part.local().expect("a folder").join(".syntable/journal.jsonl");
     let text = fs::read_to_string(&journal).expect("there");
     fs::write(&journal, format!("{}\nnothing\n", text.lines().next().expect("a line"))).expect("writable");
