@@ -14,12 +14,14 @@ use crate::run::outcome::{RunOutcome, stopping};
 use crate::run::progress::{Event, Guarded, Reporter, Warnings, count};
 use crate::run::scene_range::ranges;
 use crate::run::shard::{Shard, WantedScenes};
+use crate::run::stop::Stop;
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
-use syntable_model::context::Log;
+use syntable_model::context::{Log, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::files::{DatasetPath, RESERVED};
 use syntable_model::registry::{Registry, Slot};
@@ -101,22 +103,12 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
         images: chosen.iter().map(|(entry, _)| u64::from(entry.views())).sum(),
         threads: *threads,
     });
-    let journal = Mutex::new(journal);
-    for (done, (entry, part)) in chosen.iter().enumerate() {
-        if let Some(reason) = stop.requested() {
-            let message =
-                format!("stopped by {}: {done} of {} are merged", reason, count(chosen.len() as u32, "scene"));
-            return Err(Error::stopped(message).help("the same command continues from there"));
-        }
-        begun
-            .folder
-            .adopt(&part.folder, entry, &journal)
-            .map_err(|error| stopping(error).context(format!("scene {}", entry.scene)))?;
-    }
+    let (journal, pool) = (Mutex::new(journal), Pool::new(*threads)?);
+    adopt_all(&begun.folder, &chosen, &journal, &pool, stop)?;
     catalogs(&begun.folder, &first.folder).map_err(stopping)?;
     let journal = journal.into_inner();
     let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains_key(scene)).collect();
-    let (pool, told) = (Pool::new(*threads)?, BTreeSet::new());
+    let told = BTreeSet::new();
     let outcome = finish::end(
         &recipe,
         reporter,
@@ -145,6 +137,45 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
         seconds: start.elapsed().as_secs_f64(),
     });
     Ok(RunOutcome { missing, ..outcome })
+}
+
+/// Copies scenes of parts into the dataset, several at once. After an error or a stop, the scenes in work still end.
+fn adopt_all(
+    folder: &Folder,
+    chosen: &[(&JournalEntry, &MergePart)],
+    journal: &Mutex<Journal>,
+    workers: &dyn Workers,
+    stop: &Stop,
+) -> Result<()> {
+    let done = AtomicU32::new(0);
+    // The first error in the order of scenes.
+    let failure: Mutex<Option<(u32, Error)>> = Mutex::new(None);
+    workers.run(chosen.len(), &|index| {
+        if stop.requested().is_some() || failure.lock().is_some() {
+            return;
+        }
+        let (entry, part) = chosen[index];
+        match folder.adopt(&part.folder, entry, journal) {
+            Ok(()) => drop(done.fetch_add(1, Ordering::Relaxed)),
+            Err(error) => {
+                let mut failure = failure.lock();
+                if failure.as_ref().is_none_or(|(scene, _)| entry.scene < *scene) {
+                    *failure = Some((entry.scene, error));
+                }
+            }
+        }
+    });
+    if let Some((scene, error)) = failure.into_inner() {
+        return Err(stopping(error).context(format!("scene {scene}")));
+    }
+    let (done, all) = (done.into_inner(), chosen.len() as u32);
+    match stop.requested() {
+        Some(reason) if done < all => {
+            let message = format!("stopped by {reason}: {done} of {} are merged", count(all, "scene"));
+            Err(Error::stopped(message).help("the same command continues from there"))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Refuses a dataset that is also named as a part, since it would be opened twice, and folders inside each other, since
