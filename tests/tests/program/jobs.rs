@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
-use syntable_testing::tools::skip;
+use syntable_testing::tools::{skip, skip_slow_tool};
 
 /// A Slurm cluster of two nodes on this machine. Its programs end with it.
 struct Cluster {
@@ -124,7 +124,7 @@ fn a_slurm_array_that_loses_a_task_makes_the_dataset_of_one_run() {
     let has = |name: &str| ["/usr/sbin", "/usr/bin"].iter().any(|folder| Path::new(folder).join(name).exists());
     let is_root = || Command::new("id").arg("-u").output().is_ok_and(|output| output.stdout.starts_with(b"0"));
     if !programs.iter().all(|name| has(name)) || !is_root() {
-        return skip("Slurm, with munge and as root");
+        return skip_slow_tool("Slurm, with munge and as root");
     }
     let folder = tempfile::tempdir().expect("a folder");
     let (whole, out) = (folder.path().join("whole"), folder.path().join("mine"));
