@@ -232,7 +232,7 @@ def status(*datasets: str | os.PathLike[str]) -> Status:
         raise TypeError("status takes the folders of datasets, such as status('data/mine')")
     found = _syntable.status([path(dataset, f"datasets[{number}]") for number, dataset in enumerate(datasets)])
     each = [
-        DatasetStatus(**{"shard": None, "faults": [], **one, "path": one.pop("dataset")}) for one in found["datasets"]
+        DatasetStatus(path=one.pop("dataset"), **{"shard": None, "faults": [], **one}) for one in found["datasets"]
     ]
     return Status(datasets=each, missing_shards=found["missing_shards"], total=DatasetProgress(**found["total"]))
 
