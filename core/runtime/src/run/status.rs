@@ -2,7 +2,7 @@
 
 use crate::run::dataset::ending;
 use crate::run::dataset::foreign;
-use crate::run::dataset::journal::{Journal, JournalEntry};
+use crate::run::dataset::journal::{Journal, JournalEntry, LatestLines};
 use crate::run::dataset::layout;
 use crate::run::dataset::locking::is_busy;
 use crate::run::merge::datasets_in;
@@ -128,13 +128,13 @@ fn left(missing: u32, scenes_per_hour: Option<f64>) -> Option<f64> {
 /// The state of a dataset; for a shard, also its number and the number of scenes of the whole recipe.
 fn of_dataset(dataset: &StoreFolder) -> Result<(DatasetStatus, Option<(Shard, u32)>)> {
     let running = is_busy(dataset)?;
-    let (entries, latest, faults) = Journal::latest(dataset, RECENT)?;
+    let LatestLines { entries, order, faults } = Journal::latest(dataset, RECENT)?;
     let shard = Shard::of_dataset(dataset)?;
     let scenes = scenes_of_recipe(dataset)?;
     let failed = entries.values().filter(|entry| entry.failed()).count() as u32;
     let own = shard.unwrap_or(Shard::WHOLE).scenes(scenes);
     let missing = own.clone().filter(|scene| !entries.contains_key(scene)).count() as u32;
-    let scenes_per_hour = if running { pace(&times_of(dataset, &latest)?) } else { None };
+    let scenes_per_hour = if running { pace(&times_of(dataset, &order)?) } else { None };
     let progress = Progress {
         scenes: own.count() as u32,
         done: entries.len() as u32 - failed,

@@ -228,6 +228,16 @@ impl JournalEntry {
     }
 }
 
+/// The readable lines of a journal that a run may be writing.
+pub struct LatestLines {
+    /// The finished scenes.
+    pub entries: BTreeMap<u32, JournalEntry>,
+    /// The last scenes, in the order of the file.
+    pub order: Vec<u32>,
+    /// Descriptions of unreadable lines.
+    pub faults: Vec<String>,
+}
+
 /// The journal. A run appends lines to it.
 pub struct Journal {
     dataset: StoreFolder,
@@ -302,8 +312,8 @@ impl Journal {
         Ok((entries, faults))
     }
 
-    /// The readable lines, the scenes of the last `most` of them in the order of the file, and the faults.
-    pub fn latest(dataset: &StoreFolder, most: usize) -> Result<(BTreeMap<u32, JournalEntry>, Vec<u32>, Vec<String>)> {
+    /// The readable lines, with the order of the last `most` of them.
+    pub fn latest(dataset: &StoreFolder, most: usize) -> Result<LatestLines> {
         let mut order = VecDeque::new();
         let (entries, faults) = Self::readable_lines(dataset, |entry| {
             order.push_back(entry.scene);
@@ -311,7 +321,7 @@ impl Journal {
                 order.pop_front();
             }
         })?;
-        Ok((entries, order.into(), faults))
+        Ok(LatestLines { entries, order: order.into(), faults })
     }
 
     /// Removes unreadable lines, and returns their number.
