@@ -171,8 +171,7 @@ class Viewer:
 def run(
     recipe: Recipe,
     out: _Path,
-    scenes: tuple[int, int] | None,
-    shard: str | None,
+    part: tuple[tuple[int, int] | None, str | None],
     threads: int | None,
     flags: list[str],
     progress: _Progress,

@@ -118,8 +118,7 @@ def run(
     found = _syntable.run(
         as_recipe(recipe)._raw,
         path(out, "out"),
-        scene_range(scenes),
-        shard_text(shard),
+        (scene_range(scenes), shard_text(shard)),
         thread_count(threads),
         [name for name, is_on in switches.items() if is_on],
         listener(progress),
@@ -231,9 +230,7 @@ def status(*datasets: str | os.PathLike[str]) -> Status:
     if not datasets:
         raise TypeError("status takes the folders of datasets, such as status('data/mine')")
     found = _syntable.status([path(dataset, f"datasets[{number}]") for number, dataset in enumerate(datasets)])
-    each = [
-        DatasetStatus(path=one.pop("dataset"), **{"shard": None, "faults": [], **one}) for one in found["datasets"]
-    ]
+    each = [DatasetStatus(path=one.pop("dataset"), **{"shard": None, "faults": [], **one}) for one in found["datasets"]]
     return Status(datasets=each, missing_shards=found["missing_shards"], total=DatasetProgress(**found["total"]))
 
 

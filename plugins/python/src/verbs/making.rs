@@ -18,20 +18,21 @@ use syntable_runtime::run::forecast::{self, Forecast, ForecastOptions};
 use syntable_runtime::run::progress::Reporter;
 use syntable_runtime::run::{RunOutcome, Shard, ShardChoice};
 
-/// Makes the dataset of a recipe, or continues it. `flags` are the names of options to switch on.
+/// Makes the dataset of a recipe, or continues it. `part` is the range of scenes, and
+/// the text of a shard. `flags` are the names of options to switch on.
 #[pyfunction]
-#[pyo3(signature = (recipe, out, scenes, shard, threads, flags, progress))]
+#[pyo3(signature = (recipe, out, part, threads, flags, progress))]
 pub fn run<'py>(
     py: Python<'py>,
     recipe: &Recipe,
     out: PathBuf,
-    scenes: Option<(u32, u32)>,
-    shard: Option<String>,
+    part: (Option<(u32, u32)>, Option<String>),
     threads: Option<usize>,
     flags: Vec<String>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (recipe, warnings) = recipe.load(py, &[])?;
+    let (scenes, shard) = part;
     let shard = shard.map(|text| shard_of(py, &text)).transpose()?;
     let out = shard.map_or_else(|| out.clone(), |shard| shard.folder(&out));
     let path = out.clone();
