@@ -5,7 +5,7 @@ use crate::kit::{options, registry, run, run_with};
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_model::files::DatasetPath;
-use syntable_model::store::{Access, StoreFolder};
+use syntable_model::store::Access;
 use syntable_runtime::run::progress::Quiet;
 use syntable_runtime::run::{MergeOptions, RunOptions, RunOutcome, Shard, merge, status, verify};
 
@@ -135,7 +135,7 @@ fn the_status_counts_scenes_of_shards() {
     assert_eq!((counts(0), counts(1)), ((2, 2, 0, 4), (1, 1, 0, 2)));
     assert_eq!((found.total.scenes, found.total.done, found.total.missing), (5, 3, 2));
     assert!(found.datasets.iter().all(|one| one.finished && !one.running && one.progress.scenes_per_hour.is_none()));
-    let part = StoreFolder::from(shard_options(&dataset, 0, 3).out);
+    let part = shard_options(&dataset, 0, 3).out;
     let hold = part.lock(&DatasetPath::new(".syntable/lock").expect("a path"), Access::Write).expect("lockable");
     assert!(hold.is_some() && all().datasets[0].running && !all().datasets[0].finished);
     drop(hold);
