@@ -6,7 +6,9 @@ use crate::store::inside::Inside;
 use crate::store::{Access, Fill, Found, Hold, Kind, Store, StoredFile};
 #[cfg(unix)]
 use rustix::fs::OFlags;
+use std::collections::hash_map::RandomState;
 use std::fs::{self, File, FileType, OpenOptions, TryLockError};
+use std::hash::{BuildHasher, Hasher};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -148,6 +150,32 @@ impl Store for FsStore {
         filled
     }
 
+    fn put_new(&self, path: &DatasetPath, bytes: &[u8]) -> Result<bool> {
+        let full = path.below(&self.root);
+        let fail = |error: io::Error| Error::io(&full, &error);
+        create_parent(&full)?;
+        // Callers on other machines write at the same time, and each needs a name of its own.
+        let part = part_of(&format!("{path}.{:016x}", random()))?.below(&self.root);
+        let mut file = File::create_new(&part).map_err(fail)?;
+        let written = file.write_all(bytes).and_then(|()| file.sync_all());
+        drop(file);
+        let linked = written.and_then(|()| fs::hard_link(&part, &full));
+        let _ = fs::remove_file(&part);
+        match linked {
+            Ok(()) => Ok(true),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(false),
+            // The file system has no hard links. A reader may see a part of the file.
+            Err(error) if matches!(error.kind(), ErrorKind::Unsupported | ErrorKind::PermissionDenied) => {
+                match File::create_new(&full) {
+                    Ok(mut file) => file.write_all(bytes).and_then(|()| file.sync_all()).map_err(fail).map(|()| true),
+                    Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(false),
+                    Err(error) => Err(fail(error)),
+                }
+            }
+            Err(error) => Err(fail(error)),
+        }
+    }
+
     fn append(&self, path: &DatasetPath, bytes: &[u8]) -> Result<()> {
         let full = path.below(&self.root);
         let fail = |error: io::Error| Error::io(&full, &error);
@@ -242,8 +270,13 @@ impl Store for FsStore {
 }
 
 /// The temporary file next to a file. The content is written to it first.
-fn part_of(path: &DatasetPath) -> Result<DatasetPath> {
+fn part_of(path: &str) -> Result<DatasetPath> {
     DatasetPath::new(format!("{path}.part")).map_err(|error| Error::new(error.to_string()))
+}
+
+/// A number that no other process draws at the same time.
+fn random() -> u64 {
+    RandomState::new().build_hasher().finish()
 }
 
 fn create_parent(path: &Path) -> Result<()> {

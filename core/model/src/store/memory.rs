@@ -17,6 +17,7 @@ use std::sync::Arc;
 /// A run into memory keeps the whole dataset there, in addition to the memory for rendering.
 #[derive(Default)]
 pub struct MemStore {
+    is_remote: bool,
     files: Arc<Mutex<Files>>,
     locks: Arc<Mutex<BTreeMap<DatasetPath, Lock>>>,
 }
@@ -32,6 +33,11 @@ enum Lock {
 }
 
 impl MemStore {
+    /// A store that callers treat as a store on another machine, for tests.
+    pub fn remote() -> Self {
+        Self { is_remote: true, ..Self::default() }
+    }
+
     /// All files, by path.
     pub fn files(&self) -> BTreeMap<DatasetPath, Arc<Vec<u8>>> {
         self.files.lock().clone()
@@ -74,6 +80,10 @@ fn is_folder(files: &Files, path: &str) -> bool {
 impl Store for MemStore {
     fn name_of(&self, path: &str) -> PathBuf {
         PathBuf::from(format!("memory:/{path}"))
+    }
+
+    fn is_remote(&self) -> bool {
+        self.is_remote
     }
 
     fn look(&self, path: &str) -> Result<Option<Found>> {
@@ -121,6 +131,16 @@ impl Store for MemStore {
         self.check_place(&files, path)?;
         files.insert(path.clone(), Arc::new(bytes));
         Ok(())
+    }
+
+    fn put_new(&self, path: &DatasetPath, bytes: &[u8]) -> Result<bool> {
+        let mut files = self.files.lock();
+        if files.contains_key(path) || is_folder(&files, path) {
+            return Ok(false);
+        }
+        self.check_place(&files, path)?;
+        files.insert(path.clone(), Arc::new(bytes.to_vec()));
+        Ok(true)
     }
 
     fn append(&self, path: &DatasetPath, bytes: &[u8]) -> Result<()> {

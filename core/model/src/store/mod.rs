@@ -6,10 +6,11 @@
 //! |---|---|---|
 //! | [`create`](Store::create) | a file that must not exist | an upload with the condition that the key is new |
 //! | [`put`](Store::put) | a temporary file, flushed to disk and renamed | one upload |
-//! | [`append`](Store::append) | a flushed write to the end of a file | an object per record; reading concatenates them, and sizes add up |
+//! | [`put_new`](Store::put_new) | a temporary file, flushed to disk, and a hard link to it | one upload with the condition that the key is new |
+//! | [`append`](Store::append) | a flushed write to the end of a file | a download, and an upload with the condition that nobody changed the object |
 //! | [`rename`](Store::rename) | a rename | copies within the store, then deletions |
 //! | [`share`](Store::share) | a hard link | nothing |
-//! | [`lock`](Store::lock) | a locked file | a conditional upload with a lease |
+//! | [`lock`](Store::lock) | a locked file | a lease, which its owner renews |
 //!
 //! No caller needs a [`rename`](Store::rename) of a folder to be atomic: what counts is decided by one [`put`](Store::put) or
 //! one [`append`](Store::append). Stages do not see a store. Writers see it through [`Output`](crate::stage::Output) and
@@ -46,6 +47,12 @@ pub trait Store: Any + fmt::Debug + Send + Sync {
         None
     }
 
+    /// Whether each call is a request over a network. Callers then prepare files on this machine, and send many
+    /// requests at once.
+    fn is_remote(&self) -> bool {
+        false
+    }
+
     /// Prepares the store itself for writing, for example creates a missing folder.
     fn prepare(&self) -> Result<()> {
         Ok(())
@@ -71,6 +78,10 @@ pub trait Store: Any + fmt::Debug + Send + Sync {
 
     /// Writes a file whole or not at all, and for good. It replaces an existing file. `fill` writes the content once.
     fn put(&self, path: &DatasetPath, fill: &mut Fill) -> Result<()>;
+
+    /// Writes a new file whole or not at all, and for good. Returns `false`, and changes nothing, if the path exists: of
+    /// several callers on any machines, one succeeds.
+    fn put_new(&self, path: &DatasetPath, bytes: &[u8]) -> Result<bool>;
 
     /// Adds bytes to the end of a file, for good, and creates the file if necessary. Only one owner appends at a time. If the
     /// call fails, the file is as before; if the program ends within the call, a part of the bytes may be there.

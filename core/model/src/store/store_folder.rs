@@ -46,6 +46,11 @@ impl StoreFolder {
         Some(self.at.as_ref().map_or_else(|| root.to_owned(), |at| at.below(root)))
     }
 
+    /// Whether the store is on another machine; see [`Store::is_remote`].
+    pub fn is_remote(&self) -> bool {
+        self.store.is_remote()
+    }
+
     /// Whether a folder of the same store is this one or is in it. Of folders on this machine, only the names are
     /// compared.
     pub fn contains(&self, other: &Self) -> bool {
@@ -116,6 +121,11 @@ impl StoreFolder {
     /// Writes a file with this content, whole or not at all.
     pub fn write(&self, path: &DatasetPath, bytes: &[u8]) -> Result<()> {
         self.put(path, &mut |file| file.write_all(bytes).map_err(|error| Error::io(self.name_of(path), &error)))
+    }
+
+    /// Writes a new file whole or not at all; see [`Store::put_new`].
+    pub fn write_new(&self, path: &DatasetPath, bytes: &[u8]) -> Result<bool> {
+        self.store.put_new(&self.whole(path), bytes)
     }
 
     /// Adds bytes to a file; see [`Store::append`].

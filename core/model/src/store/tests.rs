@@ -86,6 +86,23 @@ fn files_are_created_once_replaced_whole_and_grow() {
 }
 
 #[test]
+fn one_of_many_writers_makes_a_new_file() {
+    everywhere("new", |store| {
+        store.prepare().expect("writable");
+        let write = |writer: usize| store.write_new(&path("a/lease"), format!("{writer}").repeat(1 << 16).as_bytes());
+        let won: Vec<usize> = std::thread::scope(|threads| {
+            let writers: Vec<_> = (0..8).map(|writer| (writer, threads.spawn(move || write(writer)))).collect();
+            let ended = writers.into_iter().map(|(writer, thread)| (writer, thread.join().expect("no panic")));
+            ended.filter(|(_, done)| *done == Ok(true)).map(|(writer, _)| writer).collect()
+        });
+        assert_eq!(won.len(), 1, "{won:?}");
+        assert_eq!(all(&store), [("a/lease".to_owned(), won[0].to_string().repeat(1 << 16))]);
+        assert_eq!(store.write_new(&path("a"), b"x"), Ok(false), "it is a folder");
+        store.write_new(&path("a/lease/b"), b"x").expect_err("below a file");
+    });
+}
+
+#[test]
 fn files_and_folders_are_moved_and_removed() {
     everywhere("moves", |store| {
         for (at, text) in [("s/x/1", "1"), ("s/x/2", "2"), ("s/y", "y"), ("s2", "s2"), ("t/1", "old")] {

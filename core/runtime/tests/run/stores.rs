@@ -31,8 +31,11 @@ fn options(out: impl Into<StoreFolder>) -> RunOptions {
     RunOptions::new(out, 1, DiskCache::none())
 }
 
-fn store_of(files: &Files) -> Arc<MemStore> {
-    let store = MemStore::default();
+/// The kinds of stores in memory: one in which scenes are staged, and one to which they are uploaded.
+const KINDS: [fn() -> MemStore; 2] = [MemStore::default, MemStore::remote];
+
+fn store_of(files: &Files, kind: fn() -> MemStore) -> Arc<MemStore> {
+    let store = kind();
     files
         .iter()
         .for_each(|(path, bytes)| store.insert(DatasetPath::new(path.as_str()).expect("a path"), bytes.clone()));
@@ -121,6 +124,8 @@ fn parts_of_any_store_are_merged_into_any_other() {
 enum Fault {
     /// The call fails and changes nothing, and the next calls work.
     Once,
+    /// The call works but fails, because its answer is lost, and the next calls work.
+    Unheard,
     /// The program is killed during the call: the call does a part of its work, and no later call reaches the store.
     Kill,
 }
@@ -139,6 +144,8 @@ struct FaultStore {
 /// Outcome of a call.
 enum Turn {
     Works,
+    /// The call works, and fails.
+    Unheard(Error),
     /// The call does a part of its work, and fails.
     Torn(Error),
 }
@@ -160,6 +167,7 @@ impl FaultStore {
         match self.fault {
             _ if self.calls.fetch_add(1, Ordering::SeqCst) != self.at => Ok(Turn::Works),
             Fault::Once => Err(error()),
+            Fault::Unheard => Ok(Turn::Unheard(error())),
             Fault::Kill => {
                 self.killed.store(true, Ordering::SeqCst);
                 Ok(Turn::Torn(error()))
@@ -171,6 +179,7 @@ impl FaultStore {
     fn whole<T>(&self, path: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
         match self.turn(path)? {
             Turn::Works => work(),
+            Turn::Unheard(error) => work().and(Err(error)),
             Turn::Torn(error) => Err(error),
         }
     }
@@ -186,6 +195,10 @@ impl FaultStore {
 impl Store for FaultStore {
     fn name_of(&self, path: &str) -> PathBuf {
         self.inner.name_of(path)
+    }
+
+    fn is_remote(&self) -> bool {
+        self.inner.is_remote()
     }
 
     fn prepare(&self) -> Result<()> {
@@ -215,9 +228,15 @@ impl Store for FaultStore {
         self.whole(path, || self.inner.put(path, fill))
     }
 
+    fn put_new(&self, path: &DatasetPath, bytes: &[u8]) -> Result<bool> {
+        self.whole(path, || self.inner.put_new(path, bytes))
+    }
+
     fn append(&self, path: &DatasetPath, bytes: &[u8]) -> Result<()> {
         match self.turn(path)? {
             Turn::Works => self.inner.append(path, bytes),
+            // The contract allows no other.
+            Turn::Unheard(error) => Err(error),
             Turn::Torn(error) => self.inner.append(path, &bytes[..bytes.len() / 2]).and(Err(error)),
         }
     }
@@ -233,6 +252,7 @@ impl Store for FaultStore {
     fn rename(&self, from: &DatasetPath, to: &DatasetPath) -> Result<()> {
         match self.turn(to)? {
             Turn::Works => self.inner.rename(from, to),
+            Turn::Unheard(error) => self.inner.rename(from, to).and(Err(error)),
             Turn::Torn(error) => {
                 for path in self.half(from) {
                     let inside = DatasetPath::new(&path[from.len() + 1..]).expect("a part of a path");
@@ -250,6 +270,7 @@ impl Store for FaultStore {
     fn remove_all(&self, path: &DatasetPath) -> Result<()> {
         match self.turn(path)? {
             Turn::Works => self.inner.remove_all(path),
+            Turn::Unheard(error) => self.inner.remove_all(path).and(Err(error)),
             Turn::Torn(error) => {
                 self.half(path).iter().try_for_each(|path| self.inner.remove(path))?;
                 Err(error)
@@ -284,17 +305,21 @@ const EVERY: u32 = 7;
 /// Makes a command fail, and kills it, at calls to a store that starts with the files `before`. The same command then
 /// completes the work, with the same bytes as an undisturbed command.
 fn everywhere(what: &str, before: &Files, command: &dyn Fn(StoreFolder) -> Result<()>) {
-    let whole = store_of(before);
+    KINDS.into_iter().for_each(|kind| everywhere_in(kind, what, before, command));
+}
+
+fn everywhere_in(kind: fn() -> MemStore, what: &str, before: &Files, command: &dyn Fn(StoreFolder) -> Result<()>) {
+    let whole = store_of(before, kind);
     let counted = Arc::new(FaultStore::new(Arc::clone(&whole), u32::MAX, Fault::Once));
     command(Arc::clone(&counted).into()).expect(what);
     let (whole, calls) = (files_of(&whole), counted.calls.load(Ordering::SeqCst));
-    assert!(calls > 50 && !verify(store_of(&whole), 1).expect("a dataset").unfinished, "{what}: {calls} calls");
+    assert!(calls > 50 && !verify(store_of(&whole, kind), 1).expect("a dataset").unfinished, "{what}: {calls} calls");
     let every = std::env::var("STORE_FAULT_EVERY").map_or(EVERY, |every| every.parse().expect("a number"));
     let mut failed = 0;
-    for fault in [Fault::Once, Fault::Kill] {
-        for at in (0..calls).filter(|at| at % every == if fault == Fault::Once { 0 } else { every / 2 }) {
+    for (fault, offset) in [(Fault::Once, 0), (Fault::Unheard, every / 4), (Fault::Kill, every / 2)] {
+        for at in (0..calls).filter(|at| at % every == offset) {
             let case = format!("{what}: {fault:?} at call {at} of {calls}");
-            let store = store_of(before);
+            let store = store_of(before, kind);
             failed += u32::from(command(Arc::new(FaultStore::new(Arc::clone(&store), at, fault)).into()).is_err());
             // A scene in the journal is intact after any fault.
             let is_dataset = store.get(".syntable/journal.jsonl").is_some();

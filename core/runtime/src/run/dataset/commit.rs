@@ -4,7 +4,8 @@ use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, SceneOutcome};
 use crate::run::dataset::layout::{self, MARK, RECORD};
 use crate::run::dataset::manifest::{FileState, Manifest, Stamp, Written};
-use crate::run::dataset::staging::{READY, part};
+use crate::run::dataset::requests;
+use crate::run::dataset::staging::{Staging, part, ready};
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -12,21 +13,39 @@ use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
 use syntable_model::stage::is_shared;
-use syntable_model::store::{Kind, StoreFolder};
+use syntable_model::store::Kind;
 
 /// Maximum number of files to compare and share before a scene keeps its own copy.
 const SHARE_TRIES: usize = 4;
+/// Size up to which a file is uploaded with the condition that it is new, bytes. A store does not take larger ones in
+/// one request.
+const MOST_AT_ONCE: u64 = 64 << 20;
 
-/// A staged scene: its journal line, and the files that it replaces.
+/// A staged scene: its journal line, and the files that it replaces. Of an upload that replaces a scene, all files of
+/// the old and the new scene.
 #[derive(Serialize, Deserialize)]
 pub(in crate::run) struct Staged {
     pub(super) entry: JournalEntry,
     pub(super) stale: Vec<DatasetPath>,
 }
 
+/// A scene to commit.
+struct Commit {
+    entry: JournalEntry,
+    /// The files that the scene has.
+    own: Manifest,
+    /// The staged files.
+    new: Manifest,
+    /// The files that the scene will have, and its text.
+    manifest: Manifest,
+    text: String,
+    /// The files that the scene has and will not have.
+    stale: Vec<DatasetPath>,
+}
+
 impl Folder {
     /// Moves the files of a staged scene into place and writes its journal line. If this is interrupted anywhere, the
-    /// next [`recover`](Self::recover) either finishes the move or finds nothing of the scene.
+    /// next [`recover`](Self::recover) either finishes the move or finds no line of the scene.
     ///
     /// Replaces the scene's earlier files: `kept` stay beside the new ones, all others are deleted. `written` lists the
     /// writers of the new files. A file that does not belong to the scene is a permanent error. The returned entry has
@@ -39,8 +58,7 @@ impl Folder {
         journal: &Mutex<Journal>,
     ) -> Result<JournalEntry> {
         let scene = entry.scene;
-        let part = layout::staged(&part(scene));
-        let staged = self.files.inner(&part);
+        let staged = self.staged(&part(scene));
         let own = self.manifest(scene)?.unwrap_or_default();
         let mut stale = own.clone();
         let new = if entry.failed() {
@@ -59,41 +77,127 @@ impl Folder {
             }
         }
         stale.files.retain(|path, _| !manifest.has(path));
+        let (text, of_text) = manifest.text();
         if let SceneOutcome::Made { manifest: digest, .. } = &mut entry.outcome {
-            let (text, of_text) = manifest.text();
-            staged.write(&layout::manifest(scene), text.as_bytes())?;
             *digest = of_text;
         }
-        let record = Staged { entry: entry.clone(), stale: stale.files.into_keys().collect() };
-        let text = serde_json::to_string(&record).expect("an entry is plain data");
+        let commit = Commit { entry, own, new, manifest, text, stale: stale.files.into_keys().collect() };
+        match self.staging {
+            Staging::Inside => self.commit_moved(commit, journal),
+            Staging::Here { .. } => self.commit_uploaded(commit, journal),
+        }
+    }
+
+    /// Moves the staged files into place. A record beside them lets the next run finish an interrupted move.
+    fn commit_moved(&self, commit: Commit, journal: &Mutex<Journal>) -> Result<JournalEntry> {
+        let Commit { entry, own, new, text, stale, .. } = commit;
+        let scene = entry.scene;
+        if !entry.failed() {
+            self.staged(&part(scene)).write(&layout::manifest(scene), text.as_bytes())?;
+        }
         let mut journal = journal.lock();
         self.check_places(&new, &own, journal.entries().get(&scene))?;
-        let ready = layout::staged(&format!("{scene}{READY}"));
-        self.files.remove_all(&ready)?;
+        let ready = ready(scene);
+        self.files.remove_all(&layout::staged(&ready))?;
         if !entry.failed() {
-            self.files.rename(&part, &ready)?;
+            self.files.rename(&layout::staged(&part(scene)), &layout::staged(&ready))?;
         }
         // From its record on, even the next run publishes the scene, so the recipe comes first.
         self.accept_recipe(&mut journal)?;
-        self.files.inner(&ready).write(&layout::record(), text.as_bytes())?;
+        let record = Staged { entry: entry.clone(), stale };
+        self.write_record(&record)?;
         self.publish(&ready, record, &mut journal)?;
         Ok(entry)
     }
 
-    /// Refuses new files of a scene at existing paths outside its `own`. `present` is its journal line.
-    fn check_places(&self, new: &Manifest, own: &Manifest, present: Option<&JournalEntry>) -> Result<()> {
-        let mut clashes: Vec<&str> = Vec::new();
-        for path in new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK)) {
-            if self.files.look(path)?.is_some() {
-                clashes.push(path.as_str());
-            }
+    /// Uploads the staged files. The manifest comes first, so that files of an interrupted upload belong to the scene,
+    /// which has no line, and the next upload replaces them. If the scene has a line already, a record lets the next
+    /// run forget it. The journal is locked only for its own changes, since an upload takes long.
+    fn commit_uploaded(&self, commit: Commit, journal: &Mutex<Journal>) -> Result<JournalEntry> {
+        let Commit { entry, own, new, manifest, text, stale } = commit;
+        let (scene, listed) = (entry.scene, layout::manifest(entry.scene));
+        let adopted;
+        let has_line = {
+            let mut journal = journal.lock();
+            let present = journal.entries().get(&scene);
+            adopted = self.check_places(&new, &own, present)?;
+            let has_line = present.is_some_and(|present| !present.failed());
+            self.accept_recipe(&mut journal)?;
+            has_line
+        };
+        let mut both = own.clone();
+        both.files.extend(manifest.files.clone());
+        if has_line {
+            // All files that may exist, because the manifest may be lost.
+            self.write_record(&Staged { entry: entry.clone(), stale: both.files.keys().cloned().collect() })?;
         }
+        if entry.failed() {
+            journal.lock().append(entry.clone())?;
+            self.remove_each(&stale)?;
+        } else {
+            self.files.write(&listed, both.text().0.as_bytes())?;
+            self.remove_each(&stale)?;
+            let owns = |path: &str| own.has(path) || adopted.contains(path) || path.starts_with(MARK);
+            self.upload_new(&part(scene), &new, owns)?;
+            self.files.write(&listed, text.as_bytes())?;
+            journal.lock().append(entry.clone())?;
+            self.abandon(scene)?;
+        }
+        if has_line {
+            self.files.remove_all(&layout::staged(&ready(scene)))?;
+        }
+        Ok(entry)
+    }
+
+    /// Uploads the staged files of a scene. A path that the scene does not own must be new: another scene may have taken
+    /// it since the paths were checked.
+    fn upload_new(&self, part: &str, new: &Manifest, owns: impl Fn(&str) -> bool + Sync) -> Result<()> {
+        let (staged, paths) = (self.staged(part), new.files.keys().collect::<Vec<_>>());
+        let upload = |number: usize| {
+            let path = paths[number];
+            if owns(path) || new.files[path].0 > MOST_AT_ONCE {
+                return self.upload(&staged, path, path);
+            }
+            let bytes = staged.read(path)?.unwrap_or_default();
+            if self.files.write_new(path, &bytes)? {
+                return Ok(());
+            }
+            Err(taken(path, self.owners(&[path])?.get(path.as_str()), LEAVE))
+        };
+        requests::each(&self.files, paths.len(), &upload).map(drop)
+    }
+
+    /// Writes the record of a scene whose files are to be moved or replaced.
+    fn write_record(&self, record: &Staged) -> Result<()> {
+        let text = serde_json::to_string(record).expect("an entry is plain data");
+        let folder = layout::staged(&ready(record.entry.scene));
+        self.files.inner(&folder).write(&layout::record(), text.as_bytes())
+    }
+
+    /// Removes files of a scene.
+    fn remove_each(&self, stale: &[DatasetPath]) -> Result<()> {
+        requests::each(&self.files, stale.len(), &|number| self.files.remove(&stale[number])).map(drop)
+    }
+
+    /// Refuses new files of a scene at existing paths outside its `own`. `present` is its journal line. Returns the paths
+    /// that the scene owns although its manifest is lost.
+    fn check_places(
+        &self,
+        new: &Manifest,
+        own: &Manifest,
+        present: Option<&JournalEntry>,
+    ) -> Result<BTreeSet<String>> {
+        let unowned = new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK));
+        let unowned: Vec<&DatasetPath> = unowned.collect();
+        let exists = requests::each(&self.files, unowned.len(), &|number| self.files.has(unowned[number]))?;
+        let clashes: Vec<&str> =
+            unowned.iter().zip(exists).filter(|(_, exists)| *exists).map(|(path, _)| path.as_str()).collect();
         if let Some(path) = self.file_in_the_way(new.files.keys(), own)? {
             let owners = self.owners(&[&path])?;
             return Err(taken(&path, owners.get(&path), LEAVE));
         }
         if clashes.is_empty() {
-            return Ok(());
+            return Ok(BTreeSet::new());
         }
         // If the manifest is lost, the scene owns every file that no other manifest lists.
         let present = present.and_then(JournalEntry::manifest);
@@ -101,7 +205,7 @@ impl Folder {
         let owners = self.owners(&clashes)?;
         match clashes.iter().find(|path| !lost || owners.contains_key(**path)) {
             Some(path) => Err(taken(path, owners.get(*path), LEAVE)),
-            None => Ok(()),
+            None => Ok(clashes.into_iter().map(str::to_owned).collect()),
         }
     }
 
@@ -112,8 +216,10 @@ impl Folder {
         own: &Manifest,
     ) -> Result<Option<String>> {
         let folders: BTreeSet<&str> = paths.flat_map(DatasetPath::folders).collect();
-        for folder in folders.into_iter().filter(|folder| !own.has(folder)) {
-            match self.files.look(folder)? {
+        let folders: Vec<&str> = folders.into_iter().filter(|folder| !own.has(folder)).collect();
+        let there = requests::each(&self.files, folders.len(), &|number| self.files.look(folders[number]))?;
+        for (folder, there) in folders.into_iter().zip(there) {
+            match there {
                 Some(there) if there.kind == Kind::Link => return Err(self.files.linked(folder)),
                 Some(there) if there.kind != Kind::Folder => return Ok(Some(folder.to_owned())),
                 _ => {}
@@ -124,34 +230,22 @@ impl Folder {
 
     /// Moves the files of a ready scene into place and writes its line. The record goes last, so an interrupted move
     /// can be resumed.
-    pub(super) fn publish(&self, ready: &DatasetPath, staged: Staged, journal: &mut Journal) -> Result<()> {
+    pub(super) fn publish(&self, ready: &str, staged: Staged, journal: &mut Journal) -> Result<()> {
         // A file to remove may be where new files need a folder.
-        staged.stale.iter().try_for_each(|path| self.files.remove(path))?;
-        self.move_files(ready, Some(RECORD))?;
+        self.remove_each(&staged.stale)?;
+        self.place(ready, None, |path| path != RECORD)?;
         if journal.entries().get(&staged.entry.scene) != Some(&staged.entry) {
             journal.append(staged.entry)?;
         }
-        self.files.remove_all(ready)
+        self.files.remove_all(&layout::staged(ready))
     }
 
-    /// Moves the files of a staged folder to the same paths in the dataset, replacing existing files; `keep` stays.
-    pub(super) fn move_files(&self, staged: &DatasetPath, keep: Option<&str>) -> Result<()> {
-        let mut paths: Vec<String> = Vec::new();
-        each_staged(&self.files.inner(staged), "", &mut paths)?;
-        for path in paths.into_iter().filter(|path| keep != Some(path)) {
-            let to = DatasetPath::new(path).map_err(|error| Error::new(error.to_string()))?;
-            let from = staged.join(&to);
-            if is_shared(&to) {
-                self.share(&from, &to)?;
-            }
-            self.files.rename(&from, &to)?;
+    /// Shares the bytes of another scene's file with a staged one, if scenes share files at its path, so that the store
+    /// has them once. A store that cannot share keeps the staged file, whose bytes are the same.
+    pub(super) fn share(&self, staged: &DatasetPath, to: &DatasetPath) -> Result<()> {
+        if !is_shared(to) {
+            return Ok(());
         }
-        Ok(())
-    }
-
-    /// Shares the bytes of another scene's file with a staged one, so that the store has them once. A store that cannot
-    /// share keeps the staged file, whose bytes are the same.
-    fn share(&self, staged: &DatasetPath, to: &DatasetPath) -> Result<()> {
         let (folder, name) = to.rsplit_once('/').expect("a shared file is in a folder");
         // A file that this run has shared or written is not read again: the end of the run compares all of them.
         let known = self.shared.lock().get(folder).cloned();
@@ -180,20 +274,6 @@ impl Folder {
         self.shared.lock().insert(folder.to_owned(), to.clone());
         Ok(())
     }
-}
-
-/// The files of a staged folder, sorted.
-fn each_staged(staged: &StoreFolder, inside: &str, paths: &mut Vec<String>) -> Result<()> {
-    let mut entries = staged.list(inside)?;
-    entries.sort_unstable_by(|(a, _), (b, _)| a.cmp(b));
-    for (name, kind) in entries {
-        let path = if inside.is_empty() { name } else { format!("{inside}/{name}") };
-        match kind {
-            Kind::Folder => each_staged(staged, &path, paths)?,
-            _ => paths.push(path),
-        }
-    }
-    Ok(())
 }
 
 /// Remedy for a file that no manifest lists.

@@ -72,9 +72,9 @@ impl Folder {
     /// has the path of a file it has just written. It always adopts a file with the same bytes, since this loses
     /// nothing.
     pub fn publish_finish(&self, resolved: &str, journal: &mut Journal, complete: bool, repair: bool) -> Result<()> {
-        let folder = layout::staged(FINISH);
+        let staged = self.staged(FINISH);
         let old = self.finished()?.manifest;
-        let mut new = Manifest::of_tree(&self.files.inner(&folder))?;
+        let mut new = Manifest::of_tree(&staged)?;
         let lost = !old.has(RECIPE);
         let mut refused = None;
         for (path, stamp) in new.files.clone() {
@@ -90,7 +90,7 @@ impl Folder {
             }
             refused.get_or_insert(taken(&path, owners.get(path.as_str()), if lost { CLAIM } else { LEAVE }));
             new.files.remove(&path);
-            self.files.remove_all(&folder.join(&path))?;
+            staged.remove_all(&path)?;
         }
         if let Some(path) = self.file_in_the_way(new.files.keys(), &old)? {
             return Err(taken(&path, self.owners(&[&path])?.get(&path), LEAVE));
@@ -104,7 +104,7 @@ impl Folder {
         let folders: BTreeSet<&str> = new.files.keys().flat_map(DatasetPath::folders).collect();
         let mut in_the_way = old.files.keys().filter(|path| folders.contains(path.as_str()));
         in_the_way.try_for_each(|path| self.files.remove(path))?;
-        self.move_files(&folder, None)?;
+        self.place(FINISH, None, |_| true)?;
         if complete && refused.is_none() {
             new.files.insert(layout::recipe(), Stamp::of(&self.files, &layout::recipe())?);
             for path in old.files.keys().filter(|path| !new.has(path)) {

@@ -11,7 +11,8 @@
 //! all lists and the program's own folder.
 //!
 //! **Order.** A scene is finished when its record is in its staged folder. Moving its files and writing its line can be
-//! resumed. `finished.json` has the digest of its journal, which distinguishes an interrupted run from a complete one.
+//! resumed. A scene of a dataset on another machine is finished when its line is written: its manifest is uploaded first,
+//! then its files, then its line. `finished.json` has the digest of its journal, which distinguishes an interrupted run from a complete one.
 //!
 //! | file | does |
 //! |---|---|
@@ -26,6 +27,7 @@ use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout::{self, MARK, RECIPE, SHARDS};
 use crate::run::dataset::locking::lock;
 use crate::run::dataset::manifest::{FileState, Manifest};
+use crate::run::dataset::staging::Staging;
 use crate::run::shard::Shard;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
@@ -42,6 +44,8 @@ pub struct Folder {
     pub(super) proposed: Mutex<Option<Proposed>>,
     /// A file of each folder of shared files that this run has put there.
     pub(super) shared: Mutex<BTreeMap<String, DatasetPath>>,
+    /// The place of unfinished files.
+    pub(super) staging: Staging,
     _lock: Hold,
 }
 
@@ -90,7 +94,8 @@ impl Folder {
     fn locked(files: StoreFolder, access: Access) -> Result<Self> {
         let lock = lock(&files, access)?;
         foreign::check(&files)?;
-        Ok(Self { files, proposed: Mutex::default(), shared: Mutex::default(), _lock: lock })
+        let staging = Staging::of(&files)?;
+        Ok(Self { files, proposed: Mutex::default(), shared: Mutex::default(), staging, _lock: lock })
     }
 
     /// The files of the dataset.

@@ -1,13 +1,18 @@
 //! The journal of a dataset: one line per finished scene. A scene without a line does not exist.
+//!
+//! A file system appends lines to `journal.jsonl`. An object store cannot append: there, each line is a file of its own,
+//! which is written once. A run joins these files into `journal.jsonl` when there are many, at its end, and when it opens
+//! the journal. Until they are removed, they say the same as the joined lines.
 
 use crate::run::dataset::draws::PoseDraws;
 use crate::run::dataset::layout;
 use crate::run::dataset::loss::Loss;
+use crate::run::dataset::requests;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::{BufRead, BufReader, Read};
-use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
+use syntable_model::files::DatasetPath;
 use syntable_model::limits::RUN_LIST_BYTES;
 use syntable_model::store::{StoreFolder, StoredFile};
 use syntable_model::words::SHOWN;
@@ -242,7 +247,15 @@ pub struct LatestLines {
 pub struct Journal {
     dataset: StoreFolder,
     entries: BTreeMap<u32, JournalEntry>,
+    /// Number of lines that are files of their own.
+    loose: usize,
 }
+
+/// Minimum number of lines in files of their own before they are joined. Later joins wait for a quarter of all lines, so
+/// a line is written a few times only.
+const LOOSE: usize = 1000;
+/// Lines that are read at once.
+const BATCH: usize = 256;
 
 impl Journal {
     /// Opens the journal of a dataset, or starts one. A truncated last line is ignored.
@@ -250,12 +263,18 @@ impl Journal {
         let dataset = dataset.into();
         let path = layout::journal();
         let (entries, whole) = Self::read(&dataset)?;
+        let mut journal = Self { dataset, entries, loose: 0 };
+        if !line_files(&journal.dataset)?.is_empty() {
+            journal.rewrite()?;
+            return Ok(journal);
+        }
+        let dataset = &journal.dataset;
         match dataset.look(&path)? {
             None => dataset.append(&path, &[])?,
-            Some(there) if whole < there.size => cut(&dataset, whole)?,
+            Some(there) if whole < there.size => cut(dataset, whole)?,
             Some(_) => {}
         }
-        Ok(Self { dataset, entries })
+        Ok(journal)
     }
 
     /// Reads the lines of a journal, without changing it.
@@ -266,11 +285,11 @@ impl Journal {
     /// Reads the lines of a journal. Returns the entries, and the size of the complete lines, bytes.
     fn read(dataset: &StoreFolder) -> Result<(BTreeMap<u32, JournalEntry>, u64)> {
         let mut entries = BTreeMap::new();
-        let whole = each_line(dataset, |number, line| {
+        let whole = each_line(dataset, |place, line| {
             let entry = line.map_err(|error| {
                 Error::new(format!("not a journal line: {error}"))
-                    .in_file(dataset.name_of(&layout::journal()))
-                    .at_line(number)
+                    .in_file(dataset.name_of(&place.file))
+                    .at_line(place.line)
                     .help(
                         "a run of the dataset's recipe with `options.repair` makes the scene of a damaged line again; if \
                          another version began the dataset, choose another folder with `options.out`, or delete this one",
@@ -293,14 +312,18 @@ impl Journal {
         mut each: impl FnMut(&JournalEntry),
     ) -> Result<(BTreeMap<u32, JournalEntry>, Vec<String>)> {
         let (mut entries, mut faults, mut more) = (BTreeMap::new(), Vec::new(), 0_u64);
-        each_line(dataset, |number, line| {
+        each_line(dataset, |place, line| {
             match line {
                 Ok(entry) => {
                     each(&entry);
                     entries.insert(entry.scene, entry);
                 }
                 Err(error) if faults.len() < SHOWN => {
-                    faults.push(format!("line {number} is not a journal line: {error}"));
+                    let line = match place.file == layout::journal() {
+                        true => format!("line {}", place.line),
+                        false => format!("`{}`", place.file),
+                    };
+                    faults.push(format!("{line} is not a journal line: {error}"));
                 }
                 Err(_) => more += 1,
             }
@@ -346,12 +369,38 @@ impl Journal {
     }
 
     /// Appends a line, and syncs it.
+    ///
+    /// # Errors
+    /// If it cannot be written, or another run has written another line of the scene into the same object store.
     pub fn append(&mut self, entry: JournalEntry) -> Result<()> {
         let mut line = serde_json::to_string(&entry).expect("an entry is plain data");
         line.push('\n');
-        self.dataset.append(&layout::journal(), line.as_bytes())?;
+        if self.dataset.is_remote() {
+            self.put_line(entry.scene, line.as_bytes())?;
+        } else {
+            self.dataset.append(&layout::journal(), line.as_bytes())?;
+        }
         self.entries.insert(entry.scene, entry);
+        if self.loose > LOOSE.max(self.entries.len() / 4) { self.rewrite() } else { Ok(()) }
+    }
+
+    /// Writes a line as a file of its own.
+    fn put_line(&mut self, scene: u32, line: &[u8]) -> Result<()> {
+        let path = layout::line(scene);
+        if self.entries.contains_key(&scene) {
+            self.dataset.write(&path, line)?;
+        } else if !self.dataset.write_new(&path, line)? && self.dataset.read(&path)?.as_deref() != Some(line) {
+            return Err(Error::new(format!("another run has made scene {scene}, with another result"))
+                .in_file(self.dataset.name_of(&path))
+                .help("two runs must not write one dataset; when both have ended, a run with `options.repair` mends it"));
+        }
+        self.loose += 1;
         Ok(())
+    }
+
+    /// Removes the line of a scene, atomically.
+    pub fn forget(&mut self, scene: u32) -> Result<()> {
+        if self.entries.remove(&scene).is_some() { self.rewrite() } else { Ok(()) }
     }
 
     /// Removes failed scenes, so that they are tried again. Takes effect on disk when the file is written.
@@ -370,11 +419,13 @@ impl Journal {
 
     /// Rewrites the file in scene order, atomically, so that it does not depend on the order in which scenes ended.
     pub fn rewrite(&mut self) -> Result<()> {
-        write(&self.dataset, &self.entries)
+        write(&self.dataset, &self.entries)?;
+        self.loose = 0;
+        Ok(())
     }
 }
 
-/// Writes a journal in scene order, atomically.
+/// Writes a journal in scene order, atomically. Lines in files of their own are part of it.
 fn write(dataset: &StoreFolder, entries: &BTreeMap<u32, JournalEntry>) -> Result<()> {
     let path = layout::journal();
     dataset.put(&path, &mut |file| {
@@ -383,7 +434,16 @@ fn write(dataset: &StoreFolder, entries: &BTreeMap<u32, JournalEntry>) -> Result
             writeln!(file, "{line}").map_err(|error| Error::io(dataset.name_of(&path), &error))?;
         }
         Ok(())
-    })
+    })?;
+    dataset.remove_all(&layout::lines())
+}
+
+/// The files that are lines, in the order of their scenes.
+fn line_files(dataset: &StoreFolder) -> Result<Vec<DatasetPath>> {
+    let names = dataset.list(&layout::lines())?.into_iter().map(|(name, _)| name);
+    let mut scenes: Vec<u32> = names.filter_map(|name| name.strip_suffix(".json")?.parse().ok()).collect();
+    scenes.sort_unstable();
+    Ok(scenes.into_iter().map(layout::line).collect())
 }
 
 /// Removes a truncated last line.
@@ -397,47 +457,89 @@ fn cut(dataset: &StoreFolder, whole: u64) -> Result<()> {
     })
 }
 
-/// The lines of a journal, as bytes, one in memory at a time.
+/// The lines of a journal, as bytes, a few in memory at a time.
 pub struct JournalLines {
-    name: PathBuf,
-    /// `None` if the journal does not exist.
+    dataset: StoreFolder,
+    place: Place,
+    /// The joined lines. `None` after their end, or if the journal does not exist.
     file: Option<BufReader<StoredFile>>,
+    /// The lines in files of their own that follow.
+    rest: VecDeque<DatasetPath>,
+    /// The first of them, read already.
+    read: VecDeque<(DatasetPath, Vec<u8>)>,
     line: Vec<u8>,
-    number: usize,
+}
+
+/// The place of a line.
+#[derive(Debug, Clone)]
+struct Place {
+    file: DatasetPath,
+    /// Number in the file, from 1.
+    line: usize,
 }
 
 impl JournalLines {
     /// Opens the journal of a dataset. A missing journal has no lines.
     pub fn open(dataset: &StoreFolder) -> Result<Self> {
-        let path = layout::journal();
-        let file = dataset.open(&path)?.map(BufReader::new);
-        Ok(Self { name: dataset.name_of(&path), file, line: Vec::new(), number: 0 })
+        let file = layout::journal();
+        let rest = line_files(dataset)?.into();
+        let opened = dataset.open(&file)?.map(BufReader::new);
+        let (dataset, place) = (dataset.clone(), Place { file, line: 0 });
+        Ok(Self { dataset, place, file: opened, rest, read: VecDeque::new(), line: Vec::new() })
     }
 
     /// The next line with its line end, which a truncated last line lacks. Refuses a line longer than
     /// [`RUN_LIST_BYTES`].
     pub fn next_line(&mut self) -> Result<Option<&[u8]>> {
-        let Some(file) = &mut self.file else { return Ok(None) };
+        let Some(file) = &mut self.file else { return self.next_file() };
         self.line.clear();
-        self.number += 1;
+        self.place.line += 1;
+        let name = || self.dataset.name_of(&self.place.file);
         let read = file.take(RUN_LIST_BYTES.most + 1).read_until(b'\n', &mut self.line);
-        let read = read.map_err(|error| Error::io(&self.name, &error))?;
-        RUN_LIST_BYTES.check(read as u64).map_err(|error| error.in_file(&self.name).at_line(self.number))?;
-        Ok(Some(&*self.line).filter(|line| !line.is_empty()))
+        let read = read.map_err(|error| Error::io(name(), &error))?;
+        RUN_LIST_BYTES.check(read as u64).map_err(|error| error.in_file(name()).at_line(self.place.line))?;
+        if read > 0 {
+            return Ok(Some(&self.line));
+        }
+        self.file = None;
+        self.next_file()
+    }
+
+    /// The next line that is a file of its own.
+    fn next_file(&mut self) -> Result<Option<&[u8]>> {
+        while self.read.is_empty() && !self.rest.is_empty() {
+            let paths: Vec<DatasetPath> = self.rest.drain(..BATCH.min(self.rest.len())).collect();
+            let read = requests::read(&self.dataset, &paths, &RUN_LIST_BYTES)?;
+            let is_joined = read.iter().any(Option::is_none);
+            self.read = paths.into_iter().zip(read).filter_map(|(path, bytes)| Some((path, bytes?))).collect();
+            if is_joined {
+                // A run has joined lines since they were listed. The joined lines are read once more.
+                self.place = Place { file: layout::journal(), line: 0 };
+                self.file = self.dataset.open(&self.place.file)?.map(BufReader::new);
+                return self.next_line();
+            }
+        }
+        let Some((file, line)) = self.read.pop_front() else { return Ok(None) };
+        (self.place, self.line) = (Place { file, line: 1 }, line);
+        Ok(Some(&self.line))
     }
 }
 
-/// Calls `each` with every complete line of a journal: its number from 1, and its entry or error. Returns the size of
-/// the complete lines, bytes.
+/// Calls `each` with every complete line of a journal: its place, and its entry or error. Returns the size of the
+/// complete joined lines, bytes.
 fn each_line(
     dataset: &StoreFolder,
-    mut each: impl FnMut(usize, serde_json::Result<JournalEntry>) -> Result<()>,
+    mut each: impl FnMut(&Place, serde_json::Result<JournalEntry>) -> Result<()>,
 ) -> Result<u64> {
     let (mut lines, mut whole) = (JournalLines::open(dataset)?, 0);
-    while let Some(line) = lines.next_line()?.filter(|line| line.ends_with(b"\n")) {
-        whole += line.len() as u64;
-        let entry = serde_json::from_slice(line);
-        each(lines.number, entry)?;
+    while let Some(line) = lines.next_line()? {
+        let size = line.len() as u64;
+        let entry = line.ends_with(b"\n").then(|| serde_json::from_slice(line));
+        let is_joined = lines.place.file == layout::journal();
+        if let Some(entry) = entry {
+            whole += if is_joined { size } else { 0 };
+            each(&lines.place, entry)?;
+        }
     }
     Ok(whole)
 }

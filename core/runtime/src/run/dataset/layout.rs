@@ -4,6 +4,7 @@
 //! recipe.toml                   the resolved recipe with its inputs locked; it gives the same dataset again
 //! .syntable/lock                held while a run works
 //! .syntable/journal.jsonl       one line per finished scene
+//! .syntable/journal/000003.json the line of a scene that a run has made in an object store; until the run ends
 //! .syntable/shard.json          number of the shard, if the dataset is one
 //! .syntable/scenes/000003.json  manifest of a scene: its files with sizes and digests
 //! .syntable/finished.json       manifest of the files that the end of a run wrote
@@ -42,6 +43,7 @@ pub const SHARDS: &str = ".syntable/shards/";
 pub const RECORD: &str = ".syntable/staged.json";
 
 const JOURNAL: &str = "journal.jsonl";
+const LINES: &str = "journal";
 const TIMES: &str = "times.jsonl";
 
 /// A path with valid names.
@@ -71,6 +73,16 @@ pub fn lock() -> DatasetPath {
 /// The journal.
 pub fn journal() -> DatasetPath {
     own(JOURNAL)
+}
+
+/// The folder of journal lines that are files of their own.
+pub fn lines() -> DatasetPath {
+    own(LINES)
+}
+
+/// The file of a scene's journal line.
+pub fn line(scene: u32) -> DatasetPath {
+    own(&format!("{LINES}/{scene:06}.json"))
 }
 
 /// The number of the shard.
@@ -149,9 +161,10 @@ pub fn binned(name: &str) -> DatasetPath {
 
 /// The state of a dataset without its files and the lock, in the order in which `--overwrite` removes it. A folder
 /// without a journal is no dataset.
-pub fn state() -> [DatasetPath; 10] {
+pub fn state() -> [DatasetPath; 11] {
     [
         journal(),
+        lines(),
         recipe(),
         finished(),
         manifests(),

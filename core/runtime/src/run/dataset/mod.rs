@@ -14,6 +14,7 @@ pub(crate) mod manifest;
 mod proposal;
 pub(crate) mod records;
 mod recovery;
+mod requests;
 pub(crate) mod settled;
 mod staging;
 #[cfg(test)]

@@ -3,17 +3,19 @@
 use crate::run::dataset::commit::Staged;
 use crate::run::dataset::folder::{Folder, each_file};
 use crate::run::dataset::foreign;
-use crate::run::dataset::journal::JournalLines;
+use crate::run::dataset::journal::{Journal, JournalLines};
 use crate::run::dataset::layout::{self, FINISHED, RECIPE, SCENES};
-use crate::run::dataset::manifest::Manifest;
-use crate::run::dataset::staging::READY;
+use crate::run::dataset::manifest::{Manifest, Stamp};
+use crate::run::dataset::staging::{READY, Staging};
 use std::path::PathBuf;
+use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
 use syntable_model::store::Kind;
 
 impl Folder {
-    /// Finishes moving scenes whose move was interrupted, and drops unfinished ones.
+    /// Finishes moving scenes whose move was interrupted, and drops unfinished ones. On another machine, it forgets scenes
+    /// whose replacement was interrupted, so that a run makes them again.
     pub fn recover(&self) -> Result<()> {
         // Remains of a killed replacement of the recipe, the only one outside the program's own folder.
         self.files.remove_all(&layout::known(&format!("{RECIPE}.part")))?;
@@ -22,14 +24,27 @@ impl Folder {
         }
         let mut journal = self.journal()?;
         for name in self.staged_names()?.into_iter().filter(|name| name.ends_with(READY)) {
-            let Ok(inside) = DatasetPath::new(name) else { continue };
-            let ready = layout::staging().join(&inside);
-            let record = foreign::read(&self.files, &ready.join(&layout::record()))?;
-            if let Ok(staged) = serde_json::from_slice::<Staged>(&record) {
-                self.publish(&ready, staged, &mut journal)?;
+            let Ok(inside) = DatasetPath::new(&*name) else { continue };
+            let record = layout::staging().join(&inside).join(&layout::record());
+            let Ok(staged) = serde_json::from_slice::<Staged>(&foreign::read(&self.files, &record)?) else { continue };
+            match self.staging {
+                Staging::Inside => self.publish(&name, staged, &mut journal)?,
+                Staging::Here { .. } => self.forget(staged, &mut journal)?,
             }
         }
         self.files.remove_all(&layout::staging())
+    }
+
+    /// Forgets a scene of which some files were replaced. They stay in its manifest, so that the next scene of its number
+    /// replaces them.
+    fn forget(&self, replaced: Staged, journal: &mut Journal) -> Result<()> {
+        let scene = replaced.entry.scene;
+        let mut listed = self.manifest(scene)?.unwrap_or_default();
+        for path in replaced.stale {
+            listed.files.entry(path).or_insert(Stamp(0, Digest::of(&[])));
+        }
+        self.files.write(&layout::manifest(scene), listed.text().0.as_bytes())?;
+        journal.forget(scene)
     }
 
     /// Deletes the dataset: its journal first, then all files in its manifests. Returns the files that stay because

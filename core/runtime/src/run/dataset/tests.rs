@@ -115,8 +115,14 @@ fn scenes_with_the_same_bytes_share_a_file() {
     assert_eq!(fs::read(&one).expect("there"), b"texture");
 }
 
-/// Runs a test in a folder of this machine, and in memory.
+/// Runs a test in a folder of this machine, in memory, and in a store that counts as remote.
 fn everywhere(test: impl Fn(StoreFolder)) {
+    here(&test);
+    test(Arc::new(MemStore::remote()).into());
+}
+
+/// Runs a test in stores in which scenes are staged.
+fn here(test: impl Fn(StoreFolder)) {
     let folder = tempfile::tempdir().expect("a folder");
     test(folder.path().join("data").into());
     test(Arc::new(MemStore::default()).into());
@@ -181,7 +187,7 @@ fn a_file_has_one_owner() {
 
 #[test]
 fn a_move_that_was_interrupted_is_finished() {
-    everywhere(|data| {
+    here(|data| {
         let open = Folder::open(&data).expect("new");
         commit(&open, 3, &[("old.txt", "z")]).expect("committed");
         staged(&open, 3, &[("rgb/3.png", "x"), ("info.txt", "y")]);
