@@ -19,6 +19,7 @@ pub mod read_back;
 pub mod room;
 pub mod scenes;
 pub mod stats;
+pub mod store;
 pub mod takes;
 pub mod tools;
 pub mod workers;

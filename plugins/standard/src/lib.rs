@@ -59,6 +59,8 @@ use syntable_exec as _;
 use syntable_hdf5 as _;
 use syntable_household as _;
 use syntable_interchange as _;
+#[cfg(feature = "object-store")]
+use syntable_object_store as _;
 #[cfg(feature = "parquet")]
 use syntable_parquet as _;
 use syntable_physics as _;

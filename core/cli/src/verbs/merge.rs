@@ -6,7 +6,7 @@ use crate::exit::Exit;
 use crate::signals::{Ends, ended, on_signals};
 use clap::Args;
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
 use syntable_model::store::StoreFolder;
@@ -17,9 +17,9 @@ use syntable_runtime::{run, workers};
 
 #[derive(Args)]
 pub(crate) struct MergeArgs {
-    /// Folder of the merged dataset, new or from an earlier call.
+    /// Folder or URL of the merged dataset, new or from an earlier call.
     out: PathBuf,
-    /// Folders of the parts, made from one recipe with `--shard` or different `--scenes`, or folders of such folders.
+    /// Folders or URLs of the parts, made from one recipe with `--shard` or different `--scenes`, or folders of such folders.
     #[arg(required = true)]
     parts: Vec<PathBuf>,
     /// Add the parts to a dataset that already has other scenes.
@@ -37,8 +37,10 @@ pub(crate) struct MergeArgs {
 }
 
 pub(crate) fn merge(console: &Console, registry: &Registry, args: &MergeArgs) -> Result<(), Exit> {
+    let out = StoreFolder::at(&args.out).map_err(Exit::wrong)?;
+    let parts = args.parts.iter().map(StoreFolder::at).collect::<Result<Vec<_>, _>>().map_err(Exit::wrong)?;
     if !args.extend {
-        is_no_part(&args.out, &args.parts)?;
+        is_no_part(&out, &parts)?;
     }
     let stop = on_signals(console, Ends::Work("merged scenes are kept, and the same command continues"))?;
     let options = MergeOptions {
@@ -48,24 +50,24 @@ pub(crate) fn merge(console: &Console, registry: &Registry, args: &MergeArgs) ->
         stop: stop.clone(),
         ..MergeOptions::new(workers::available())
     };
-    let merged = run::merge(registry, &args.out, &args.parts, &options, console.reporter());
+    let merged = run::merge(registry, &out, &parts, &options, console.reporter());
     end_of(console, &merged.map_err(|error| ended(&stop, error))?, &args.out)
 }
 
 /// Refuses an output folder with scenes that no part has: the output was probably forgotten, and the folder is the first
 /// part. After an interrupted merge, all its scenes come from the parts.
-fn is_no_part(out: &Path, parts: &[PathBuf]) -> Result<(), Exit> {
+fn is_no_part(out: &StoreFolder, parts: &[StoreFolder]) -> Result<(), Exit> {
     // Unreadable journals are errors of the merge.
-    let scenes = |dataset: StoreFolder| -> BTreeSet<u32> {
+    let scenes = |dataset: &StoreFolder| -> BTreeSet<u32> {
         Journal::entries_of(dataset).map(|entries| entries.into_keys().collect()).unwrap_or_default()
     };
-    let datasets = parts.iter().flat_map(|part| run::datasets_in(&part.into()).unwrap_or_default());
-    let of_parts: BTreeSet<u32> = datasets.flat_map(scenes).collect();
-    let own = scenes(out.into()).difference(&of_parts).count();
+    let datasets = parts.iter().flat_map(|part| run::datasets_in(part).unwrap_or_default());
+    let of_parts: BTreeSet<u32> = datasets.flat_map(|dataset| scenes(&dataset)).collect();
+    let own = scenes(out).difference(&of_parts).count();
     if own == 0 {
         return Ok(());
     }
     let error = Error::new(format!("the output folder has {} that no part has", count(own as u32, "scene")));
     let help = "name the folder of the merged dataset first, then all parts; --extend adds the parts to this dataset";
-    Err(Exit::wrong(error.in_file(out).help(help)))
+    Err(Exit::wrong(error.in_file(out.name()).help(help)))
 }

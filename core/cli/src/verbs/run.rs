@@ -8,6 +8,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
+use syntable_model::store::StoreFolder;
 use syntable_recipe::message::Message;
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::{Event, count};
@@ -18,7 +19,8 @@ use syntable_runtime::workers;
 pub(crate) struct RunArgs {
     #[command(flatten)]
     recipe: RecipeArgs,
-    /// Folder of the dataset. Default: `data/<dataset.name>`. Shard 3 of 10 goes to `<DIR>.shards/3-of-10`.
+    /// Folder of the dataset, or its URL in an object store, such as `s3://bucket/mine`. Default: `data/<dataset.name>`.
+    /// Shard 3 of 10 goes to `<DIR>.shards/3-of-10`.
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Make only these scenes: `A..B` (without B), `A..`, `..B`, or one number.
@@ -60,6 +62,7 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs, progra
     let stop = on_signals(console, Ends::Work("finished scenes are kept, and the same command continues"))?;
     let shard = args.shard.map(|choice| shard_of(console, choice)).transpose()?;
     let dataset = args.out.clone().unwrap_or_else(|| PathBuf::from("data").join(&recipe.dataset.name));
+    let out = shard.map_or_else(|| dataset.clone(), |shard| shard.folder(&dataset));
     let options = RunOptions {
         scenes,
         shard,
@@ -70,7 +73,7 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs, progra
         rewrite: args.rewrite,
         stop: stop.clone(),
         ..RunOptions::new(
-            shard.map_or_else(|| dataset.clone(), |shard| shard.folder(&dataset)),
+            StoreFolder::at(&out).map_err(Exit::wrong)?,
             args.threads.map_or_else(workers::available, usize::from),
             DiskCache::of_user(),
         )
@@ -84,6 +87,9 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs, progra
             (format!("status {all}"), "how far all shards are"),
             (format!("merge {dataset} {all}"), "one dataset, once all shards are done"),
         ]);
+        return Ok(());
+    }
+    if options.out.local().is_none() {
         return Ok(());
     }
     let linked = NEXT.iter().filter(|(verb, _)| program.find_subcommand(verb).is_some());

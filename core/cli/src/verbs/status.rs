@@ -14,7 +14,7 @@ use syntable_runtime::run::{DatasetStatus, Progress};
 
 #[derive(Args)]
 pub(crate) struct StatusArgs {
-    /// Folders of datasets, or of shards such as `data/mine.shards`.
+    /// Folders or URLs of datasets, or of shards such as `data/mine.shards`.
     #[arg(required = true)]
     datasets: Vec<PathBuf>,
     /// Print one JSON object for programs.
@@ -23,7 +23,7 @@ pub(crate) struct StatusArgs {
 }
 
 pub(crate) fn status(console: &Console, args: &StatusArgs) -> Result<(), Exit> {
-    let named: Vec<StoreFolder> = args.datasets.iter().map(StoreFolder::from).collect();
+    let named = args.datasets.iter().map(StoreFolder::at).collect::<Result<Vec<_>, _>>().map_err(Exit::wrong)?;
     let found = run::status(&named).map_err(Exit::stopped)?;
     if args.json {
         let text =

@@ -5,18 +5,20 @@ use crate::exit::Exit;
 use clap::Args;
 use std::path::PathBuf;
 use syntable_model::error::Error;
+use syntable_model::store::StoreFolder;
 use syntable_recipe::message::Message;
 use syntable_runtime::run::progress::count;
 use syntable_runtime::{run, workers};
 
 #[derive(Args)]
 pub(crate) struct VerifyArgs {
-    /// Folder of the dataset.
+    /// Folder or URL of the dataset.
     dataset: PathBuf,
 }
 
 pub(crate) fn verify(console: &Console, args: &VerifyArgs) -> Result<(), Exit> {
-    let found = run::verify(&args.dataset, workers::available()).map_err(Exit::stopped)?;
+    let dataset = StoreFolder::at(&args.dataset).map_err(Exit::wrong)?;
+    let found = run::verify(dataset, workers::available()).map_err(Exit::stopped)?;
     let mut out = String::new();
     let lists = [
         ("missing", &found.missing),

@@ -19,12 +19,14 @@
 mod file_system;
 mod inside;
 mod memory;
+mod scheme;
 mod store_folder;
 #[cfg(test)]
 mod tests;
 
 pub use file_system::FsStore;
 pub use memory::MemStore;
+pub use scheme::{StoreScheme, is_url};
 pub use store_folder::StoreFolder;
 
 use crate::error::Result;
@@ -80,7 +82,7 @@ pub trait Store: Any + fmt::Debug + Send + Sync {
     fn put(&self, path: &DatasetPath, fill: &mut Fill) -> Result<()>;
 
     /// Writes a new file whole or not at all, and for good. Returns `false`, and changes nothing, if the path exists: of
-    /// several callers on any machines, one succeeds.
+    /// several callers on any machines with different bytes, one succeeds.
     fn put_new(&self, path: &DatasetPath, bytes: &[u8]) -> Result<bool>;
 
     /// Adds bytes to the end of a file, for good, and creates the file if necessary. Only one owner appends at a time. If the
@@ -105,7 +107,7 @@ pub trait Store: Any + fmt::Debug + Send + Sync {
     fn remove_all(&self, path: &DatasetPath) -> Result<()>;
 
     /// Locks a file until the [`Hold`] is dropped; none if another owner holds the lock. A lock to write creates the
-    /// file. A lock to read a missing file always succeeds.
+    /// file. A lock to read a missing file always succeeds. Readers of a remote store keep no writer out.
     fn lock(&self, path: &DatasetPath, access: Access) -> Result<Option<Hold>>;
 }
 

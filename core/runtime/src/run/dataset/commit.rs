@@ -19,7 +19,7 @@ use syntable_model::store::Kind;
 const SHARE_TRIES: usize = 4;
 /// Size up to which a file is uploaded with the condition that it is new, bytes. A store does not take larger ones in
 /// one request.
-const MOST_AT_ONCE: u64 = 64 << 20;
+const MOST_AT_ONCE: u64 = 16 << 20;
 
 /// A staged scene: its journal line, and the files that it replaces. Of an upload that replaces a scene, all files of
 /// the old and the new scene.

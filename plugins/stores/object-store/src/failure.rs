@@ -1,0 +1,105 @@
+//! Errors of requests, without secrets.
+
+use object_store::Error as Failure;
+use std::error::Error as _;
+use std::io::{self, ErrorKind};
+use std::path::Path;
+use syntable_model::error::Error;
+
+/// Longest message of a server that an error repeats, characters.
+const LONGEST: usize = 300;
+
+/// The error of a request for the object that `name` names.
+pub fn error(name: impl AsRef<Path>, failure: &Failure) -> Error {
+    let (kind, help) = match failure {
+        Failure::NotFound { .. } => (ErrorKind::NotFound, None),
+        Failure::AlreadyExists { .. } => (ErrorKind::AlreadyExists, None),
+        Failure::PermissionDenied { .. } => (ErrorKind::PermissionDenied, Some(DENIED)),
+        Failure::Unauthenticated { .. } => (ErrorKind::PermissionDenied, Some(UNKNOWN)),
+        _ => {
+            let text = chain(failure);
+            let is_denied = ["ExpiredToken", "InvalidAccessKeyId", "SignatureDoesNotMatch", "InvalidToken"];
+            match is_denied.iter().any(|code| text.contains(code)) {
+                true => (ErrorKind::PermissionDenied, Some(UNKNOWN)),
+                false if text.contains("169.254.169.254") => (ErrorKind::PermissionDenied, Some(NONE)),
+                false => (ErrorKind::ConnectionAborted, Some(OFFLINE)),
+            }
+        }
+    };
+    let text = without_secrets(&chain(failure));
+    let error = Error::io(name, &io::Error::new(kind, text));
+    help.map_or(error.clone(), |help| error.help(help))
+}
+
+/// The same as an error of reading.
+pub fn io_error(failure: &Failure) -> io::Error {
+    let kind = match failure {
+        Failure::NotFound { .. } => ErrorKind::NotFound,
+        Failure::PermissionDenied { .. } | Failure::Unauthenticated { .. } => ErrorKind::PermissionDenied,
+        _ => ErrorKind::ConnectionAborted,
+    };
+    io::Error::new(kind, without_secrets(&chain(failure)))
+}
+
+const DENIED: &str = "these credentials may not do this: check the rights of the user, the role or the key";
+const UNKNOWN: &str = "the credentials are wrong or have expired: get new ones, then run the same command, which goes on";
+const NONE: &str = "no credentials were found: set the variables of the store, as the chapter on object stores shows";
+const OFFLINE: &str = "the request was sent again for some minutes: check the network and the name of the bucket, then run the \
+                       same command, which goes on";
+
+/// The innermost cause, which has the answer of the server or the network.
+fn chain(failure: &Failure) -> String {
+    let mut texts = vec![failure.to_string()];
+    let mut cause = failure.source();
+    while let Some(next) = cause {
+        texts.push(next.to_string());
+        cause = next.source();
+    }
+    // Outer messages repeat inner ones.
+    let mut said: Vec<String> = Vec::new();
+    for text in texts.into_iter().rev() {
+        if !said.iter().any(|inner| text.contains(inner.as_str())) {
+            said.push(text);
+        } else if let Some(last) = said.last_mut().filter(|last| text.contains(last.as_str()) && text.len() < LONGEST) {
+            *last = text;
+        }
+    }
+    said.join(": ")
+}
+
+/// A message without answers in XML beyond their code and message, and without the values of queries, which sign requests.
+fn without_secrets(text: &str) -> String {
+    let mut text = match (element(text, "Code"), element(text, "Message")) {
+        (Some(code), Some(message)) => format!("{code}: {message}"),
+        (Some(code), None) => code.to_owned(),
+        _ => text.split('<').next().unwrap_or_default().to_owned(),
+    };
+    while let Some(at) = text.find('?') {
+        let end = text[at..].find(|c: char| c.is_whitespace() || c == ')' || c == '"').map_or(text.len(), |end| at + end);
+        text.replace_range(at..end, " ");
+    }
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let text: String = text.chars().take(LONGEST).collect();
+    text.trim_end_matches([':', ' ', '.']).to_owned()
+}
+
+/// The text of an element of an answer.
+fn element<'t>(text: &'t str, name: &str) -> Option<&'t str> {
+    let (_, rest) = text.split_once(&format!("<{name}>"))?;
+    Some(rest.split_once('<')?.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_are_repeated_without_keys_and_signatures() {
+        let answer = "Error performing PUT https://b.example/x?X-Amz-Signature=abc&X-Amz-Credential=AKIA in 3 ms: \
+                      <?xml version=\"1.0\"?><Error><Code>SignatureDoesNotMatch</Code><Message>The signature is \
+                      wrong.</Message><AWSAccessKeyId>AKIA</AWSAccessKeyId></Error>";
+        assert_eq!(without_secrets(answer), "SignatureDoesNotMatch: The signature is wrong");
+        let sent = without_secrets("error sending request for url (https://a.example/x?sig=abc&se=1) : refused");
+        assert_eq!(sent, "error sending request for url (https://a.example/x ) : refused");
+    }
+}

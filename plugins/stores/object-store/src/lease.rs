@@ -1,0 +1,226 @@
+//! Locks of object stores: leases.
+//!
+//! The lock is an object that its owner writes again and again. If it stays the same for a while, its owner is gone, and
+//! another program takes it over, on the condition that it is still the same. Each program measures this while with its
+//! own clock, so that no two clocks must agree.
+//!
+//! An owner that could not renew its lease writes nothing until it has renewed it, or fails if another program has taken
+//! it over.
+
+use crate::objects::Bucket;
+use object_store::path::Path as Key;
+use object_store::{PutMode, UpdateVersion};
+use parking_lot::{Condvar, Mutex};
+use std::collections::hash_map::RandomState;
+use std::hash::{BuildHasher, Hasher};
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+use syntable_model::error::{Error, Result};
+
+/// Times of a lease.
+#[derive(Debug, Clone, Copy)]
+pub struct LeaseTimes {
+    /// Time between two renewals.
+    pub renewal: Duration,
+    /// Time without a renewal after which the lease is free. A few times `renewal`.
+    pub lasts: Duration,
+}
+
+impl Default for LeaseTimes {
+    fn default() -> Self {
+        Self { renewal: Duration::from_secs(4), lasts: Duration::from_secs(20) }
+    }
+}
+
+/// Time between two looks at a lease of another program, as a part of the time that it lasts.
+const LOOKS: u32 = 20;
+/// Time for which an owner waits for its own renewal before it fails, as a multiple of the time that a lease lasts.
+const PATIENCE: u32 = 10;
+
+/// The leases that a store holds.
+pub struct Locks {
+    pub times: LeaseTimes,
+    held: Mutex<Vec<Arc<State>>>,
+}
+
+/// State of a lease.
+struct State {
+    lease: Mutex<Renewed>,
+    changed: Condvar,
+}
+
+/// The last renewal of a lease.
+struct Renewed {
+    at: Instant,
+    /// Another program has taken the lease over.
+    is_lost: bool,
+    /// The owner gives the lease up.
+    ends: bool,
+}
+
+impl Locks {
+    pub fn new(times: LeaseTimes) -> Self {
+        Self { times, held: Mutex::default() }
+    }
+
+    /// Refuses to write after a lease was lost. Waits while a lease may have ended.
+    pub fn check(&self) -> Result<()> {
+        let held = self.held.lock().clone();
+        for state in held {
+            let mut lease = state.lease.lock();
+            let end = Instant::now() + self.times.lasts * PATIENCE;
+            while !lease.is_lost && lease.at.elapsed() > self.times.lasts {
+                if state.changed.wait_until(&mut lease, end).timed_out() {
+                    let error = Error::io("the lock", &std::io::ErrorKind::TimedOut.into());
+                    return Err(error.help("the store does not answer: check the network, then run the same command"));
+                }
+            }
+            if lease.is_lost {
+                let message = "another run has taken over the dataset, because this one could not renew its lock";
+                return Err(Error::new(message).help("wait for the other run, or stop it"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A lease that is held until it is dropped.
+pub struct Lease {
+    bucket: Arc<Bucket>,
+    key: Key,
+    owner: u64,
+    locks: Arc<Locks>,
+    state: Arc<State>,
+    renews: Option<JoinHandle<()>>,
+}
+
+impl Lease {
+    /// Takes a lease; none if another program holds it. Waits until a lease ends that nobody renews.
+    pub fn take(bucket: &Arc<Bucket>, key: &Key, locks: &Arc<Locks>) -> object_store::Result<Option<Self>> {
+        let owner = RandomState::new().build_hasher().finish();
+        loop {
+            let Some((present, version)) = bucket.get(key)? else {
+                match bucket.put_if(key, text(owner, 0).as_bytes(), PutMode::Create)? {
+                    Some(version) => return Ok(Some(Self::held(bucket, key, owner, locks, version))),
+                    None => continue,
+                }
+            };
+            match watch(bucket, key, &present, locks.times)? {
+                Watched::Renewed => return Ok(None),
+                Watched::Gone => {}
+                Watched::Ended => {
+                    let mode = PutMode::Update(version);
+                    return match bucket.put_if(key, text(owner, 0).as_bytes(), mode)? {
+                        Some(version) => Ok(Some(Self::held(bucket, key, owner, locks, version))),
+                        None => Ok(None),
+                    };
+                }
+            }
+        }
+    }
+
+    /// Whether no program holds a lease. Waits until a lease ends that nobody renews.
+    pub fn is_free(bucket: &Bucket, key: &Key) -> object_store::Result<bool> {
+        let Some((present, _)) = bucket.get(key)? else { return Ok(true) };
+        let times = bucket.times();
+        Ok(!matches!(watch(bucket, key, &present, times)?, Watched::Renewed))
+    }
+
+    fn held(bucket: &Arc<Bucket>, key: &Key, owner: u64, locks: &Arc<Locks>, version: UpdateVersion) -> Self {
+        let lease = Mutex::new(Renewed { at: Instant::now(), is_lost: false, ends: false });
+        let state = Arc::new(State { lease, changed: Condvar::new() });
+        locks.held.lock().push(Arc::clone(&state));
+        let renews = {
+            let (bucket, key, state, times) = (Arc::clone(bucket), key.clone(), Arc::clone(&state), locks.times);
+            thread::spawn(move || renew(&bucket, &key, owner, version, &state, times))
+        };
+        let (bucket, key, locks) = (Arc::clone(bucket), key.clone(), Arc::clone(locks));
+        Self { bucket, key, owner, locks, state, renews: Some(renews) }
+    }
+}
+
+impl Drop for Lease {
+    fn drop(&mut self) {
+        self.state.lease.lock().ends = true;
+        self.state.changed.notify_all();
+        if let Some(renews) = self.renews.take() {
+            let _ = renews.join();
+        }
+        self.locks.held.lock().retain(|state| !Arc::ptr_eq(state, &self.state));
+        // A lease that cannot be deleted ends by itself.
+        if let Ok(Some((present, _))) = self.bucket.get(&self.key)
+            && present.starts_with(text_of(self.owner).as_bytes())
+        {
+            let _ = self.bucket.delete(&self.key);
+        }
+    }
+}
+
+/// Renews a lease until it ends.
+fn renew(bucket: &Bucket, key: &Key, owner: u64, mut version: UpdateVersion, state: &State, times: LeaseTimes) {
+    for number in 1_u64.. {
+        {
+            let mut lease = state.lease.lock();
+            let end = Instant::now() + times.renewal;
+            while !lease.ends && !state.changed.wait_until(&mut lease, end).timed_out() {}
+            if lease.ends {
+                return;
+            }
+        }
+        // The time of the request counts, not of the answer: others see the renewal at the earliest then.
+        let at = Instant::now();
+        match bucket.put_if(key, text(owner, number).as_bytes(), PutMode::Update(version.clone())) {
+            Ok(Some(next)) => {
+                version = next;
+                state.lease.lock().at = at;
+            }
+            Ok(None) => {
+                // An earlier renewal whose answer was lost is one of this owner.
+                match bucket.get(key) {
+                    Ok(Some((present, now))) if present.starts_with(text_of(owner).as_bytes()) => version = now,
+                    Ok(_) => {
+                        state.lease.lock().is_lost = true;
+                        state.changed.notify_all();
+                        return;
+                    }
+                    Err(_) => {}
+                }
+            }
+            // The next renewal may succeed.
+            Err(_) => {}
+        }
+        state.changed.notify_all();
+    }
+}
+
+fn text_of(owner: u64) -> String {
+    format!("{{\"owner\":\"{owner:016x}\",")
+}
+
+fn text(owner: u64, number: u64) -> String {
+    format!("{}\"renewal\":{number}}}\n", text_of(owner))
+}
+
+/// What happened to a lease of another program.
+enum Watched {
+    /// Its owner renewed it.
+    Renewed,
+    /// Its owner gave it up.
+    Gone,
+    /// Nobody renewed it.
+    Ended,
+}
+
+fn watch(bucket: &Bucket, key: &Key, present: &[u8], times: LeaseTimes) -> object_store::Result<Watched> {
+    let start = Instant::now();
+    while start.elapsed() < times.lasts {
+        thread::sleep(times.lasts / LOOKS);
+        match bucket.get(key)? {
+            None => return Ok(Watched::Gone),
+            Some((now, _)) if now != present => return Ok(Watched::Renewed),
+            Some(_) => {}
+        }
+    }
+    Ok(Watched::Ended)
+}

@@ -1,0 +1,26 @@
+//! Datasets in object stores, which URLs name: `s3://bucket/folder`, `gs://bucket/folder`, `az://container/folder`.
+//!
+//! | file | does |
+//! |---|---|
+//! | `connection.rs`, `profile.rs` | the client of a URL, with credentials from the environment or from the files of `aws` |
+//! | `objects.rs` | the [`Store`](syntable_model::store::Store) |
+//! | `content.rs`, `spool.rs` | files that are read by ranges; files that are uploaded when they are complete |
+//! | `lease.rs` | locks that end by themselves when their owner no longer renews them |
+//! | `requests.rs`, `failure.rs` | requests of threads that wait for them; errors without secrets |
+//!
+//! An object store has no folders: a folder exists if a key begins with its path and `/`. A file is one object. Requests
+//! that fail for a reason of the network or the server are sent again, with growing pauses, for up to three minutes.
+
+mod connection;
+mod content;
+mod failure;
+mod lease;
+mod objects;
+mod profile;
+mod requests;
+mod spool;
+
+pub use lease::LeaseTimes;
+pub use objects::Objects;
+
+syntable_model::register_store!(&["s3", "gs", "az"], connection::open);

@@ -1,0 +1,199 @@
+//! Object stores in memory: the behavior of all stores, leases, and answers that are lost.
+
+use futures_util::stream::BoxStream;
+use object_store::memory::InMemory;
+use object_store::path::Path as Key;
+use object_store::{
+    CopyOptions, Error as Failure, GetOptions, GetResult, ListResult, MultipartUpload, ObjectMeta, ObjectStore, ObjectStoreExt,
+    PutMode, PutMultipartOptions, PutOptions, PutPayload, PutResult, Result as Answer,
+};
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+use syntable_model::files::DatasetPath;
+use syntable_model::store::{Access, StoreFolder};
+use syntable_object_store::{LeaseTimes, Objects};
+use syntable_testing::store::check_store;
+
+const TIMES: LeaseTimes = LeaseTimes { renewal: Duration::from_millis(40), lasts: Duration::from_millis(400) };
+
+fn folder(store: Arc<dyn ObjectStore>) -> StoreFolder {
+    Arc::new(Objects::new(store, "test://bucket", TIMES)).into()
+}
+
+fn path(path: &str) -> DatasetPath {
+    DatasetPath::new(path).expect("a path")
+}
+
+#[test]
+fn a_bucket_is_a_store() {
+    check_store(|| folder(Arc::new(InMemory::new())));
+    check_store(|| folder(Arc::new(InMemory::new())).inner(&path("a/b")));
+}
+
+#[test]
+fn large_files_are_uploaded_in_parts_and_read_by_ranges() {
+    use std::io::{Read, Seek, SeekFrom};
+    let bytes: Vec<u8> = (0..40 << 20_u32).map(|number: u32| (number % 251) as u8).collect();
+    let files = folder(Arc::new(InMemory::new()));
+    let at = path("a/large.bin");
+    files.put(&at, &mut |file| file.write_all(&bytes).map_err(|error| unreachable!("{error}"))).expect("uploaded");
+    let mut opened = files.open(&at).expect("readable").expect("there");
+    assert_eq!(opened.size, bytes.len() as u64);
+    for start in [0, 17, (16 << 20) - 3, (40 << 20) - 5] {
+        opened.seek(SeekFrom::Start(start as u64)).expect("within");
+        let mut part = [0; 5];
+        opened.read_exact(&mut part).expect("readable");
+        assert_eq!(part, bytes[start..start + 5], "at {start}");
+    }
+    assert!(files.read(&at).expect("readable").expect("there") == bytes);
+}
+
+#[test]
+fn a_lease_is_held_as_long_as_it_is_renewed() {
+    let store: Arc<dyn ObjectStore> = Arc::new(InMemory::new());
+    // Each is a program of its own.
+    let [first, second] = [(); 2].map(|()| folder(Arc::clone(&store)));
+    let at = path(".syntable/lock");
+    let held = first.lock(&at, Access::Write).expect("free").expect("free");
+    thread::sleep(TIMES.lasts * 2);
+    assert!(second.lock(&at, Access::Write).expect("readable").is_none(), "it is renewed");
+    assert!(second.lock(&at, Access::Read).expect("readable").is_none(), "it is renewed");
+    first.write(&path("a"), b"a").expect("held");
+    drop(held);
+    assert!(!second.has(&at).expect("readable"), "it was given back");
+    assert!(second.lock(&at, Access::Write).expect("free").is_some());
+}
+
+#[test]
+fn a_lease_that_nobody_renews_is_taken_over() {
+    let store: Arc<dyn ObjectStore> = Arc::new(InMemory::new());
+    let left = "{\"owner\":\"0123456789abcdef\",\"renewal\":7}\n";
+    requests().block_on(store.put(&Key::from(".syntable/lock"), left.into())).expect("written");
+    let start = Instant::now();
+    let at = path(".syntable/lock");
+    let taken: usize = thread::scope(|threads| {
+        let takers: Vec<_> = (0..6)
+            .map(|_| {
+                let files = folder(Arc::clone(&store));
+                let at = &at;
+                threads.spawn(move || files.lock(at, Access::Write).expect("readable"))
+            })
+            .collect();
+        let held: Vec<_> = takers.into_iter().map(|taker| taker.join().expect("no panic")).collect();
+        held.iter().flatten().count()
+    });
+    assert_eq!(taken, 1, "one of many takes it over");
+    assert!(start.elapsed() >= TIMES.lasts, "after its time");
+}
+
+#[test]
+fn a_run_that_lost_its_lease_writes_nothing() {
+    let store: Arc<dyn ObjectStore> = Arc::new(InMemory::new());
+    let files = folder(Arc::clone(&store));
+    let held = files.lock(&path(".syntable/lock"), Access::Write).expect("free").expect("free");
+    let other = "{\"owner\":\"fedcba9876543210\",\"renewal\":0}\n";
+    requests().block_on(store.put(&Key::from(".syntable/lock"), other.into())).expect("taken over");
+    thread::sleep(TIMES.renewal * 4);
+    for done in [
+        files.write(&path("a"), b"a"),
+        files.write_new(&path("a"), b"a").map(drop),
+        files.append(&path("a"), b"a"),
+        files.remove_all(&path("b")),
+    ] {
+        let error = done.expect_err("lost").to_string();
+        assert!(error.contains("another run has taken over the dataset"), "{error}");
+    }
+    drop(held);
+    assert_eq!(files.read(&path(".syntable/lock")).expect("readable"), Some(other.into()), "the lease of the other run stays");
+    files.write(&path("a"), b"a").expect("no lease is held any more");
+}
+
+/// Requests on a condition are not sent again by the client: the first one may have succeeded, and its answer was lost.
+#[test]
+fn a_lost_answer_changes_no_outcome() {
+    for lost in [Lost::Request, Lost::Answer] {
+        let flaky = || Arc::new(Flaky { inner: InMemory::new(), lost, puts: AtomicU32::new(0) });
+        check_store(|| folder(flaky()));
+        let store = flaky();
+        let files = folder(Arc::clone(&store) as _);
+        for (bytes, is_new) in [("first", true), ("second", false), ("first", true)] {
+            assert_eq!(files.write_new(&path("a"), bytes.as_bytes()), Ok(is_new), "{bytes}");
+        }
+        for number in 0..20 {
+            files.append(&path("log"), format!("{number}\n").as_bytes()).expect("appended");
+        }
+        let want: String = (0..20).map(|number| format!("{number}\n")).collect();
+        assert_eq!(files.read(&path("log")).expect("readable"), Some(want.into_bytes()));
+        let held = files.lock(&path("lock"), Access::Write).expect("free").expect("free");
+        thread::sleep(TIMES.lasts);
+        files.write(&path("b"), b"b").expect("it is still held");
+        assert!(store.puts.load(Ordering::Relaxed) > 20);
+        drop(held);
+    }
+}
+
+fn requests() -> tokio::runtime::Runtime {
+    tokio::runtime::Builder::new_current_thread().build().expect("starts")
+}
+
+/// The part of a request that a network loses.
+#[derive(Debug, Clone, Copy)]
+enum Lost {
+    Request,
+    Answer,
+}
+
+/// A store in which every other upload on a condition fails.
+#[derive(Debug)]
+struct Flaky {
+    inner: InMemory,
+    lost: Lost,
+    puts: AtomicU32,
+}
+
+impl fmt::Display for Flaky {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "flaky")
+    }
+}
+
+#[async_trait::async_trait]
+impl ObjectStore for Flaky {
+    async fn put_opts(&self, key: &Key, payload: PutPayload, options: PutOptions) -> Answer<PutResult> {
+        let is_plain = matches!(options.mode, PutMode::Overwrite);
+        if is_plain || self.puts.fetch_add(1, Ordering::Relaxed) % 2 == 1 {
+            return self.inner.put_opts(key, payload, options).await;
+        }
+        if let Lost::Answer = self.lost {
+            self.inner.put_opts(key, payload, options).await?;
+        }
+        Err(Failure::Generic { store: "flaky", source: "the connection was closed".into() })
+    }
+
+    async fn put_multipart_opts(&self, key: &Key, options: PutMultipartOptions) -> Answer<Box<dyn MultipartUpload>> {
+        self.inner.put_multipart_opts(key, options).await
+    }
+
+    async fn get_opts(&self, key: &Key, options: GetOptions) -> Answer<GetResult> {
+        self.inner.get_opts(key, options).await
+    }
+
+    fn delete_stream(&self, keys: BoxStream<'static, Answer<Key>>) -> BoxStream<'static, Answer<Key>> {
+        self.inner.delete_stream(keys)
+    }
+
+    fn list(&self, prefix: Option<&Key>) -> BoxStream<'static, Answer<ObjectMeta>> {
+        self.inner.list(prefix)
+    }
+
+    async fn list_with_delimiter(&self, prefix: Option<&Key>) -> Answer<ListResult> {
+        self.inner.list_with_delimiter(prefix).await
+    }
+
+    async fn copy_opts(&self, from: &Key, to: &Key, options: CopyOptions) -> Answer<()> {
+        self.inner.copy_opts(from, to, options).await
+    }
+}
