@@ -163,6 +163,12 @@ fn many_read_or_one_writes(store: &StoreFolder) {
     assert_eq!(lock(Access::Write).is_none(), !store.is_remote());
     drop(reads);
     assert!(lock(Access::Write).is_some());
+    let shares = [lock(Access::Share), lock(Access::Share)].map(|hold| hold.expect("free"));
+    assert!(lock(Access::Write).is_none());
+    drop(shares);
+    let writes = lock(Access::Write).expect("free");
+    assert!(lock(Access::Share).is_none());
+    drop(writes);
 }
 
 

@@ -245,7 +245,7 @@ impl Store for FsStore {
     fn lock(&self, path: &DatasetPath, access: Access) -> Result<Option<Hold>> {
         let full = path.below(&self.root);
         let file = match access {
-            Access::Write => {
+            Access::Write | Access::Share => {
                 self.create_folder(full.parent().unwrap_or(&self.root))?;
                 File::create(&full).map_err(|error| Error::io(&full, &error))?
             }
@@ -257,7 +257,7 @@ impl Store for FsStore {
         };
         let locked = match access {
             Access::Write => file.try_lock(),
-            Access::Read => file.try_lock_shared(),
+            Access::Read | Access::Share => file.try_lock_shared(),
         };
         match locked {
             Ok(()) => Ok(Some(Hold::new(file))),

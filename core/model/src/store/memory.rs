@@ -200,15 +200,15 @@ impl Store for MemStore {
 
     fn lock(&self, path: &DatasetPath, access: Access) -> Result<Option<Hold>> {
         match access {
-            Access::Write => drop(self.files.lock().entry(path.clone()).or_default()),
+            Access::Write | Access::Share => drop(self.files.lock().entry(path.clone()).or_default()),
             Access::Read if self.files.lock().contains_key(path) => {}
             Access::Read => return Ok(Some(Hold::new(()))),
         }
         let mut locks = self.locks.lock();
         let next = match (access, locks.get(path)) {
             (Access::Write, None) => Lock::Writer,
-            (Access::Read, None) => Lock::Readers(1),
-            (Access::Read, Some(Lock::Readers(others))) => Lock::Readers(others + 1),
+            (Access::Read | Access::Share, None) => Lock::Readers(1),
+            (Access::Read | Access::Share, Some(Lock::Readers(others))) => Lock::Readers(others + 1),
             _ => return Ok(None),
         };
         locks.insert(path.clone(), next);

@@ -106,8 +106,8 @@ pub trait Store: Any + fmt::Debug + Send + Sync {
     /// Removes a file, or a folder with all its content, if it exists. Follows no link.
     fn remove_all(&self, path: &DatasetPath) -> Result<()>;
 
-    /// Locks a file until the [`Hold`] is dropped; none if another owner holds the lock. A lock to write creates the
-    /// file. A lock to read a missing file always succeeds. Readers of a remote store keep no writer out.
+    /// Locks a file until the [`Hold`] is dropped; none if another owner holds the lock. A lock to write or to share creates
+    /// the file. A lock to read a missing file always succeeds. Readers of a remote store keep no writer out.
     fn lock(&self, path: &DatasetPath, access: Access) -> Result<Option<Hold>>;
 }
 
@@ -176,6 +176,8 @@ impl fmt::Debug for StoredFile {
 pub enum Access {
     /// Others may read, too.
     Read,
+    /// Others may share the lock, on any machine, and read. The file is created.
+    Share,
     /// No other owner may read or write.
     Write,
 }

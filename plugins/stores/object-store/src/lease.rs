@@ -4,6 +4,9 @@
 //! another program takes it over, on the condition that it is still the same. Each program measures this while with its
 //! own clock, so that no two clocks must agree.
 //!
+//! Programs that share a lock have a lease each, beside the lock. Who takes the lock alone writes it first and then looks for
+//! shares; who shares it writes the share first and then looks for the lock: one of two always sees the other.
+//!
 //! An owner that could not renew its lease writes nothing until it has renewed it, or fails if another program has taken
 //! it over.
 
@@ -90,44 +93,70 @@ pub struct Lease {
     bucket: Arc<Bucket>,
     key: Key,
     owner: u64,
-    locks: Arc<Locks>,
     state: Arc<State>,
     renews: Option<JoinHandle<()>>,
 }
 
 impl Lease {
-    /// Takes a lease; none if another program holds it. Waits until a lease ends that nobody renews.
-    pub fn take(bucket: &Arc<Bucket>, key: &Key, locks: &Arc<Locks>) -> object_store::Result<Option<Self>> {
+    /// Takes a lease; none if another program holds it or shares it. Waits until leases end that nobody renews.
+    pub fn take(bucket: &Arc<Bucket>, key: &Key) -> object_store::Result<Option<Self>> {
+        let Some(taken) = Self::take_one(bucket, key)? else { return Ok(None) };
+        // A program that shares from now on finds the lease. Those that shared it before are found here.
+        for share in bucket.keys_below(&shares(key))? {
+            if !Self::has_ended(bucket, &share)? {
+                return Ok(None);
+            }
+        }
+        Ok(Some(taken))
+    }
+
+    /// Shares a lease; none if another program holds it alone.
+    pub fn share(bucket: &Arc<Bucket>, key: &Key) -> object_store::Result<Option<Self>> {
+        let own = Key::from(format!("{}/{:016x}", shares(key), RandomState::new().build_hasher().finish()));
+        let Some(shared) = Self::take_one(bucket, &own)? else { return Ok(None) };
+        Ok(if Self::is_free(bucket, key)? { Some(shared) } else { None })
+    }
+
+    /// Whether no program holds a lease alone. Waits until a lease ends that nobody renews.
+    pub fn is_free(bucket: &Bucket, key: &Key) -> object_store::Result<bool> {
+        let Some((present, _)) = bucket.get(key)? else { return Ok(true) };
+        Ok(!matches!(watch(bucket, key, &present)?, Watched::Renewed))
+    }
+
+    /// Whether a share has ended. Deletes it if nobody renews it.
+    fn has_ended(bucket: &Bucket, share: &Key) -> object_store::Result<bool> {
+        let Some((present, _)) = bucket.get(share)? else { return Ok(true) };
+        match watch(bucket, share, &present)? {
+            Watched::Renewed => return Ok(false),
+            Watched::Gone => {}
+            Watched::Ended => bucket.delete(share)?,
+        }
+        Ok(true)
+    }
+
+    /// Takes the lease of a key.
+    fn take_one(bucket: &Arc<Bucket>, key: &Key) -> object_store::Result<Option<Self>> {
         let owner = RandomState::new().build_hasher().finish();
         loop {
             let Some((present, version)) = bucket.get(key)? else {
                 match bucket.put_if(key, text(owner, 0).as_bytes(), PutMode::Create)? {
-                    Some(version) => return Ok(Some(Self::held(bucket, key, owner, locks, version))),
+                    Some(version) => return Ok(Some(Self::held(bucket, key, owner, version))),
                     None => continue,
                 }
             };
-            match watch(bucket, key, &present, locks.times)? {
+            match watch(bucket, key, &present)? {
                 Watched::Renewed => return Ok(None),
                 Watched::Gone => {}
                 Watched::Ended => {
-                    let mode = PutMode::Update(version);
-                    return match bucket.put_if(key, text(owner, 0).as_bytes(), mode)? {
-                        Some(version) => Ok(Some(Self::held(bucket, key, owner, locks, version))),
-                        None => Ok(None),
-                    };
+                    let taken = bucket.put_if(key, text(owner, 0).as_bytes(), PutMode::Update(version))?;
+                    return Ok(taken.map(|version| Self::held(bucket, key, owner, version)));
                 }
             }
         }
     }
 
-    /// Whether no program holds a lease. Waits until a lease ends that nobody renews.
-    pub fn is_free(bucket: &Bucket, key: &Key) -> object_store::Result<bool> {
-        let Some((present, _)) = bucket.get(key)? else { return Ok(true) };
-        let times = bucket.times();
-        Ok(!matches!(watch(bucket, key, &present, times)?, Watched::Renewed))
-    }
-
-    fn held(bucket: &Arc<Bucket>, key: &Key, owner: u64, locks: &Arc<Locks>, version: UpdateVersion) -> Self {
+    fn held(bucket: &Arc<Bucket>, key: &Key, owner: u64, version: UpdateVersion) -> Self {
+        let locks = bucket.locks();
         let lease = Mutex::new(Renewed { at: Instant::now(), is_lost: false, ends: false });
         let state = Arc::new(State { lease, changed: Condvar::new() });
         locks.held.lock().push(Arc::clone(&state));
@@ -135,8 +164,7 @@ impl Lease {
             let (bucket, key, state, times) = (Arc::clone(bucket), key.clone(), Arc::clone(&state), locks.times);
             thread::spawn(move || renew(&bucket, &key, owner, version, &state, times))
         };
-        let (bucket, key, locks) = (Arc::clone(bucket), key.clone(), Arc::clone(locks));
-        Self { bucket, key, owner, locks, state, renews: Some(renews) }
+        Self { bucket: Arc::clone(bucket), key: key.clone(), owner, state, renews: Some(renews) }
     }
 }
 
@@ -147,7 +175,7 @@ impl Drop for Lease {
         if let Some(renews) = self.renews.take() {
             let _ = renews.join();
         }
-        self.locks.held.lock().retain(|state| !Arc::ptr_eq(state, &self.state));
+        self.bucket.locks().held.lock().retain(|state| !Arc::ptr_eq(state, &self.state));
         // A lease that cannot be deleted ends by itself.
         if let Ok(Some((present, _))) = self.bucket.get(&self.key)
             && present.starts_with(text_of(self.owner).as_bytes())
@@ -212,7 +240,13 @@ enum Watched {
     Ended,
 }
 
-fn watch(bucket: &Bucket, key: &Key, present: &[u8], times: LeaseTimes) -> object_store::Result<Watched> {
+/// The folder of the leases of programs that share a lease.
+fn shares(key: &Key) -> Key {
+    Key::from(format!("{key}.shares"))
+}
+
+fn watch(bucket: &Bucket, key: &Key, present: &[u8]) -> object_store::Result<Watched> {
+    let times = bucket.locks().times;
     let start = Instant::now();
     while start.elapsed() < times.lasts {
         thread::sleep(times.lasts / LOOKS);

@@ -152,9 +152,14 @@ impl Bucket {
         }
     }
 
-    /// Times of leases.
-    pub fn times(&self) -> LeaseTimes {
-        self.locks.times
+    /// The leases that this store holds.
+    pub fn locks(&self) -> &Arc<Locks> {
+        &self.locks
+    }
+
+    /// The keys below a key.
+    pub fn keys_below(&self, key: &Key) -> object_store::Result<Vec<Key>> {
+        wait(self.store.list(Some(key)).map_ok(|meta| meta.location).try_collect())
     }
 
     pub fn delete(&self, key: &Key) -> object_store::Result<()> {
@@ -296,12 +301,11 @@ impl Store for Objects {
     fn lock(&self, path: &DatasetPath, access: Access) -> Result<Option<Hold>> {
         let (bucket, key) = (&self.0, self.0.key(path)?);
         let held = match access {
-            Access::Read => {
-                return Ok(Lease::is_free(bucket, &key).map_err(bucket.fail(path))?.then(|| Hold::new(())));
-            }
-            Access::Write => Lease::take(bucket, &key, &bucket.locks).map_err(bucket.fail(path))?,
+            Access::Read => Lease::is_free(bucket, &key).map(|is_free| is_free.then(|| Hold::new(()))),
+            Access::Share => Lease::share(bucket, &key).map(|held| held.map(Hold::new)),
+            Access::Write => Lease::take(bucket, &key).map(|held| held.map(Hold::new)),
         };
-        Ok(held.map(Hold::new))
+        held.map_err(bucket.fail(path))
     }
 }
 
