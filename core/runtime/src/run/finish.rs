@@ -62,12 +62,19 @@ pub fn end(
     let resolved = with_lock(resolved, &Lock { assets, ..Lock::default() });
     let published = folder.publish_finish(&resolved, &mut journal, failure.is_none(), repair);
     failure.map_or(published, Err)?;
-    let (useless, all_have) = shared_by_all(&made);
+    let (useless, _) = shared_by_all(&made);
     tell_at_the_end(&made, &useless, told, reporter);
     tell_of_poses(&made, reporter);
+    Ok(outcome_of(&entries, lender.losses()))
+}
+
+/// The outcome of a run that ended with these lines. `losses` are what the end of the run omitted.
+pub fn outcome_of(entries: &[JournalEntry], losses: impl IntoIterator<Item = Loss>) -> RunOutcome {
+    let made: Vec<JournalEntry> = entries.iter().filter(|entry| !entry.failed()).cloned().collect();
+    let (useless, all_have) = shared_by_all(&made);
     let all_assets = entries.iter().flat_map(|entry| &entry.assets);
     let bad: BTreeSet<&String> = all_assets.filter(|(_, digest)| *digest == BAD).map(|(name, _)| name).collect();
-    Ok(RunOutcome {
+    RunOutcome {
         bad_assets: bad.into_iter().cloned().collect(),
         scenes: made.len() as u32,
         failed: (entries.len() - made.len()) as u32,
@@ -75,8 +82,8 @@ pub fn end(
         missing: 0,
         useless: useless.into_iter().map(|notice| (notice.text(&all_have), notice.help(&all_have))).collect(),
         images: entries.iter().map(JournalEntry::views).sum(),
-        left_out: Loss::sum(made.iter().flat_map(|entry| entry.left_out.clone()).chain(lender.losses())),
-    })
+        left_out: Loss::sum(made.iter().flat_map(|entry| entry.left_out.clone()).chain(losses)),
+    }
 }
 
 /// Views are few if they are less than one in this number.

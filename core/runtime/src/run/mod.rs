@@ -11,6 +11,7 @@
 //! | `finish` | annotators of the dataset, and the last step of writers |
 //! | [`forecast`] | the time and disk space of a run, measured on its first scenes |
 //! | `status` | counts and pace of datasets that other processes make |
+//! | `sharing` | a dataset that several workers make together |
 //! | `merge`, `convert`, [`preview`] | one dataset of several parts; a dataset in other formats; single views without a dataset |
 //! | [`progress`], [`stop`], `panics`, `scene_range`, `shard` | events and their listeners; early ends; panics as errors; scenes by number and by shard |
 
@@ -29,10 +30,12 @@ pub mod preview;
 pub mod progress;
 pub(crate) mod scene_range;
 mod shard;
+mod sharing;
 mod status;
 pub mod stop;
 
 pub use convert::{Converted, check_images, check_place, convert_dataset, not_listed, products_of};
+pub use dataset::claims::ClaimOptions;
 pub use dataset::loss::Loss;
 pub use dataset::verify::{Verified, verify};
 pub use merge::{datasets_in, merge};
@@ -43,6 +46,7 @@ pub use shard::{Shard, ShardChoice, WantedScenes};
 pub use status::{DatasetStatus, Progress, Status, status};
 
 use crate::workers::{Pool, Stoppable};
+use dataset::folder::Folder;
 use decisions::opening::{self, CheckedRun};
 use making::scenes::MadeScenes;
 use making::times::Times;
@@ -55,18 +59,36 @@ use syntable_recipe::Recipe;
 
 /// Runs a recipe. After an error, finished work remains, and the same call continues.
 pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Result<RunOutcome> {
+    if let Some(claim) = options.claim {
+        return sharing::run(recipe, options, claim, reporter);
+    }
     run_timed(recipe, options, reporter, &Times::default())
 }
 
+/// Opens the folder of a run.
+type Open<'o> = dyn Fn() -> Result<Option<Folder>> + 'o;
+
 /// Runs a recipe, and adds the working times of its stages to `times`.
 fn run_timed(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter, times: &Times) -> Result<RunOutcome> {
+    let open = || opening::open_folder(options, reporter).map(Some);
+    run_in(recipe, options, reporter, times, &open).map(|outcome| outcome.expect("the folder was opened"))
+}
+
+/// Runs a recipe in the folder that `open` opens, after the recipe was checked; none if it opens none.
+fn run_in(
+    recipe: &Recipe,
+    options: &RunOptions,
+    reporter: &dyn Reporter,
+    times: &Times,
+    open: &Open,
+) -> Result<Option<RunOutcome>> {
     let start = Instant::now();
     let guarded = Guarded(reporter);
     let reporter = &Once::new(&guarded);
     let (pool, log) = (Pool::new(options.threads)?, Warnings(reporter));
     let wanted = options.wanted(u32::MAX)?;
     let checked = CheckedRun::new(recipe, options, &log)?;
-    let folder = opening::open_folder(options, reporter)?;
+    let Some(folder) = open()? else { return Ok(None) };
     let aside = if options.overwrite { first_scene::replace(recipe, options, &folder, reporter)? } else { None };
     let begun = checked.begin(folder, aside, &pool, reporter)?;
     let MadeScenes { folder, journal, resolved, new, grown, lacking, told } =
@@ -84,5 +106,5 @@ fn run_timed(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter, tim
         grown,
         seconds: start.elapsed().as_secs_f64(),
     });
-    Ok(outcome)
+    Ok(Some(outcome))
 }

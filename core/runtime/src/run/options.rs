@@ -1,6 +1,7 @@
 //! How to run a recipe.
 
 use crate::cache::DiskCache;
+use crate::run::dataset::claims::ClaimOptions;
 use crate::run::shard::{Shard, WantedScenes};
 use crate::run::stop::Stop;
 use std::ops::Range;
@@ -15,6 +16,9 @@ pub struct RunOptions {
     pub scenes: Option<Range<u32>>,
     /// Make only the scenes of this shard. `None` makes a dataset that is no shard.
     pub shard: Option<Shard>,
+    /// Make the dataset together with other workers, each of which claims blocks of scenes. `None`: no other run may work on
+    /// the dataset.
+    pub claim: Option<ClaimOptions>,
     /// Number of threads.
     pub threads: usize,
     /// Maximum number of scenes in progress at once; `None`: one per thread. The dataset does not depend on it.
@@ -65,6 +69,7 @@ impl RunOptions {
             out,
             scenes: None,
             shard: None,
+            claim: None,
             threads,
             scenes_in_flight: None,
             allow_code: false,

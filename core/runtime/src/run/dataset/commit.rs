@@ -84,7 +84,7 @@ impl Folder {
         let commit = Commit { entry, own, new, manifest, text, stale: stale.files.into_keys().collect() };
         match self.staging {
             Staging::Inside => self.commit_moved(commit, journal),
-            Staging::Here { .. } => self.commit_uploaded(commit, journal),
+            Staging::Here { .. } | Staging::Worker(_) => self.commit_sent(commit, journal),
         }
     }
 
@@ -110,10 +110,13 @@ impl Folder {
         Ok(entry)
     }
 
-    /// Uploads the staged files. The manifest comes first, so that files of an interrupted upload belong to the scene,
-    /// which has no line, and the next upload replaces them. If the scene has a line already, a record lets the next
-    /// run forget it. The journal is locked only for its own changes, since an upload takes long.
-    fn commit_uploaded(&self, commit: Commit, journal: &Mutex<Journal>) -> Result<JournalEntry> {
+    /// Uploads the staged files, or moves them while other workers write other scenes. The manifest comes first, so that
+    /// files of an interrupted commit belong to the scene, which has no line, and the next commit replaces them. If the
+    /// scene has a line already, a record lets the next run forget it. The journal is locked only for its own changes,
+    /// since an upload takes long.
+    ///
+    /// Two workers may commit one scene at the same time. Both write the same bytes.
+    fn commit_sent(&self, commit: Commit, journal: &Mutex<Journal>) -> Result<JournalEntry> {
         let Commit { entry, own, new, manifest, text, stale } = commit;
         let (scene, listed) = (entry.scene, layout::manifest(entry.scene));
         let adopted;
@@ -133,12 +136,14 @@ impl Folder {
         }
         if entry.failed() {
             journal.lock().append(entry.clone())?;
-            self.remove_each(&stale)?;
+            if !self.is_shared() {
+                self.remove_each(&stale)?;
+            }
         } else {
             self.files.write(&listed, both.text().0.as_bytes())?;
             self.remove_each(&stale)?;
             let owns = |path: &str| own.has(path) || adopted.contains(path) || path.starts_with(MARK);
-            self.upload_new(&part(scene), &new, owns)?;
+            self.send_new(&part(scene), &new, owns)?;
             self.files.write(&listed, text.as_bytes())?;
             journal.lock().append(entry.clone())?;
             self.abandon(scene)?;
@@ -149,14 +154,14 @@ impl Folder {
         Ok(entry)
     }
 
-    /// Uploads the staged files of a scene. A path that the scene does not own must be new: another scene may have taken
-    /// it since the paths were checked.
-    fn upload_new(&self, part: &str, new: &Manifest, owns: impl Fn(&str) -> bool + Sync) -> Result<()> {
+    /// Sends the staged files of a scene. A path that the scene does not own must be new in an object store: another scene
+    /// may have taken it since the paths were checked.
+    fn send_new(&self, part: &str, new: &Manifest, owns: impl Fn(&str) -> bool + Sync) -> Result<()> {
         let (staged, paths) = (self.staged(part), new.files.keys().collect::<Vec<_>>());
-        let upload = |number: usize| {
+        let send = |number: usize| {
             let path = paths[number];
-            if owns(path) || new.files[path].0 > MOST_AT_ONCE {
-                return self.upload(&staged, path, path);
+            if !self.files.is_remote() || owns(path) || new.files[path].0 > MOST_AT_ONCE {
+                return self.send(part, path, path);
             }
             let bytes = staged.read(path)?.unwrap_or_default();
             if self.files.write_new(path, &bytes)? {
@@ -164,7 +169,7 @@ impl Folder {
             }
             Err(taken(path, self.owners(&[path])?.get(path.as_str()), LEAVE))
         };
-        requests::each(&self.files, paths.len(), &upload).map(drop)
+        requests::each(&self.files, paths.len(), &send).map(drop)
     }
 
     /// Writes the record of a scene whose files are to be moved or replaced.

@@ -40,8 +40,9 @@ impl Finished {
 /// Whether the last run of a dataset ended.
 pub fn is_finished(dataset: &StoreFolder) -> Result<bool> {
     let Some(digest) = Finished::of(dataset)?.journal else { return Ok(false) };
+    // Lines in files of their own were written after the last end.
     let journal = layout::journal();
-    Ok(dataset.has(&journal)? && Stamp::of(dataset, &journal)?.1 == digest)
+    Ok(Journal::scenes_of_files(dataset)?.is_empty() && dataset.has(&journal)? && Stamp::of(dataset, &journal)?.1 == digest)
 }
 
 /// Digest that identifies a recipe: all of it except the locked assets.

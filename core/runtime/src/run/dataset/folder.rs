@@ -25,7 +25,7 @@
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout::{self, MARK, RECIPE, SHARDS};
-use crate::run::dataset::locking::lock;
+use crate::run::dataset::locking::{busy, lock, try_lock};
 use crate::run::dataset::manifest::{FileState, Manifest};
 use crate::run::dataset::staging::Staging;
 use crate::run::shard::Shard;
@@ -46,6 +46,7 @@ pub struct Folder {
     pub(super) shared: Mutex<BTreeMap<String, DatasetPath>>,
     /// The place of unfinished files.
     pub(super) staging: Staging,
+    is_shared: bool,
     _lock: Hold,
 }
 
@@ -64,24 +65,30 @@ impl Folder {
     /// changed then.
     pub fn open(dataset: impl Into<StoreFolder>) -> Result<Self> {
         let dataset = dataset.into();
+        Self::open_if_free(&dataset)?.ok_or_else(|| busy(&dataset))
+    }
+
+    /// Opens a folder as [`open`](Self::open) does; none if another run works there.
+    pub fn open_if_free(dataset: &StoreFolder) -> Result<Option<Self>> {
         dataset.prepare()?;
         // Locking reports errors about links.
-        if !layout::is_dataset(&dataset)? && !dataset.list("")?.is_empty() {
+        if !layout::is_dataset(dataset)? && !dataset.list("")?.is_empty() {
             return Err(Error::new("the folder is not empty and has no dataset")
                 .in_file(dataset.name())
                 .help("choose another folder; no file was changed"));
         }
-        let folder = Self::locked(dataset, Access::Write)?;
+        let Some(lock) = try_lock(dataset, Access::Write)? else { return Ok(None) };
+        let folder = Self::locked(dataset.clone(), lock)?;
         if folder.files.has(&layout::bin())? {
             folder.empty_bin()?;
         }
-        Ok(folder)
+        Ok(Some(folder))
     }
 
     /// Opens a dataset to read it. The folder may be read-only, unless interrupted work must be completed.
     pub fn read(dataset: impl Into<StoreFolder>) -> Result<Self> {
         let dataset = dataset.into();
-        let folder = Self::locked(dataset.clone(), Access::Read)?;
+        let folder = Self::locked(dataset.clone(), lock(&dataset, Access::Read)?)?;
         if folder.files.has(&layout::bin())? || folder.files.has(&layout::staging())? {
             drop(folder);
             let folder = Self::open(dataset)?;
@@ -91,11 +98,26 @@ impl Folder {
         Ok(folder)
     }
 
-    fn locked(files: StoreFolder, access: Access) -> Result<Self> {
-        let lock = lock(&files, access)?;
+    /// Opens a dataset to make scenes of it beside other workers; none if a run has it for itself. `worker` is a name that
+    /// no other worker has.
+    ///
+    /// # Errors
+    /// As of [`open`](Self::open).
+    pub fn open_shared(dataset: &StoreFolder, worker: &str) -> Result<Option<Self>> {
+        let Some(lock) = try_lock(dataset, Access::Share)? else { return Ok(None) };
+        let folder = Self::locked(dataset.clone(), lock)?;
+        Ok(Some(Self { staging: Staging::of_worker(dataset, worker)?, is_shared: true, ..folder }))
+    }
+
+    /// Whether other workers may write other scenes of the dataset now.
+    pub fn is_shared(&self) -> bool {
+        self.is_shared
+    }
+
+    fn locked(files: StoreFolder, lock: Hold) -> Result<Self> {
         foreign::check(&files)?;
-        let staging = Staging::of(&files)?;
-        Ok(Self { files, proposed: Mutex::default(), shared: Mutex::default(), staging, _lock: lock })
+        let (staging, is_shared) = (Staging::of(&files)?, false);
+        Ok(Self { files, proposed: Mutex::default(), shared: Mutex::default(), staging, is_shared, _lock: lock })
     }
 
     /// The files of the dataset.
@@ -110,7 +132,7 @@ impl Folder {
 
     /// Opens the journal, or starts one.
     pub fn journal(&self) -> Result<Journal> {
-        Journal::open(&self.files)
+        if self.is_shared { Journal::open_shared(&self.files) } else { Journal::open(&self.files) }
     }
 
     /// The shard that the dataset is.

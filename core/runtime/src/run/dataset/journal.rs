@@ -1,7 +1,7 @@
 //! The journal of a dataset: one line per finished scene. A scene without a line does not exist.
 //!
-//! A file system appends lines to `journal.jsonl`. An object store cannot append: there, each line is a file of its own,
-//! which is written once. A run joins these files into `journal.jsonl` when there are many, at its end, and when it opens
+//! A run appends lines to `journal.jsonl`. In an object store, which cannot append, or if several workers make the dataset,
+//! each line is a file of its own, which is written once. A run joins these files into `journal.jsonl` when there are many, at its end, and when it opens
 //! the journal. Until they are removed, they say the same as the joined lines.
 
 use crate::run::dataset::draws::PoseDraws;
@@ -249,6 +249,8 @@ pub struct Journal {
     entries: BTreeMap<u32, JournalEntry>,
     /// Number of lines that are files of their own.
     loose: usize,
+    /// Other workers write lines, too.
+    is_shared: bool,
 }
 
 /// Minimum number of lines in files of their own before they are joined. Later joins wait for a quarter of all lines, so
@@ -263,7 +265,7 @@ impl Journal {
         let dataset = dataset.into();
         let path = layout::journal();
         let (entries, whole) = Self::read(&dataset)?;
-        let mut journal = Self { dataset, entries, loose: 0 };
+        let mut journal = Self { dataset, entries, loose: 0, is_shared: false };
         if !line_files(&journal.dataset)?.is_empty() {
             journal.rewrite()?;
             return Ok(journal);
@@ -275,6 +277,19 @@ impl Journal {
             Some(_) => {}
         }
         Ok(journal)
+    }
+
+    /// Opens the journal of a dataset that several workers make. It has the lines of this moment.
+    pub fn open_shared(dataset: impl Into<StoreFolder>) -> Result<Self> {
+        let dataset = dataset.into();
+        let (entries, _) = Self::read(&dataset)?;
+        Ok(Self { dataset, entries, loose: 0, is_shared: true })
+    }
+
+    /// Scenes whose lines are files of their own.
+    pub fn scenes_of_files(dataset: &StoreFolder) -> Result<BTreeSet<u32>> {
+        let names = dataset.list(&layout::lines())?.into_iter().map(|(name, _)| name);
+        Ok(names.filter_map(|name| name.strip_suffix(".json")?.parse().ok()).collect())
     }
 
     /// Reads the lines of a journal, without changing it.
@@ -371,31 +386,45 @@ impl Journal {
     /// Appends a line, and syncs it.
     ///
     /// # Errors
-    /// If it cannot be written, or another run has written another line of the scene into the same object store.
+    /// If it cannot be written, or another worker has made the scene with another result.
     pub fn append(&mut self, entry: JournalEntry) -> Result<()> {
-        let mut line = serde_json::to_string(&entry).expect("an entry is plain data");
-        line.push('\n');
-        if self.dataset.is_remote() {
-            self.put_line(entry.scene, line.as_bytes())?;
-        } else {
-            self.dataset.append(&layout::journal(), line.as_bytes())?;
+        if self.dataset.is_remote() || self.is_shared {
+            return self.put_line(entry);
         }
+        self.dataset.append(&layout::journal(), line_of(&entry).as_bytes())?;
         self.entries.insert(entry.scene, entry);
-        if self.loose > LOOSE.max(self.entries.len() / 4) { self.rewrite() } else { Ok(()) }
+        Ok(())
     }
 
-    /// Writes a line as a file of its own.
-    fn put_line(&mut self, scene: u32, line: &[u8]) -> Result<()> {
-        let path = layout::line(scene);
-        if self.entries.contains_key(&scene) {
-            self.dataset.write(&path, line)?;
-        } else if !self.dataset.write_new(&path, line)? && self.dataset.read(&path)?.as_deref() != Some(line) {
-            return Err(Error::new(format!("another run has made scene {scene}, with another result"))
-                .in_file(self.dataset.name_of(&path))
-                .help("two runs must not write one dataset; when both have ended, a run with `options.repair` mends it"));
+    /// Writes a line as a file of its own. If another worker has written the line of the scene, its result must be the
+    /// same. A worker may fail to make a scene for a reason of its machine: the line of a scene that was made stays, or
+    /// replaces the line of a failure.
+    fn put_line(&mut self, entry: JournalEntry) -> Result<()> {
+        let (path, line) = (layout::line(entry.scene), line_of(&entry));
+        if self.entries.contains_key(&entry.scene) {
+            self.dataset.write(&path, line.as_bytes())?;
+        } else if !self.dataset.write_new(&path, line.as_bytes())? {
+            let present = self.dataset.read(&path)?.unwrap_or_default();
+            match serde_json::from_slice::<JournalEntry>(&present) {
+                Ok(present) if present == entry => {}
+                Ok(present) if present.failed() && !entry.failed() => self.dataset.write(&path, line.as_bytes())?,
+                Ok(present) if entry.failed() => {
+                    self.entries.insert(present.scene, present);
+                    return Ok(());
+                }
+                _ => {
+                    return Err(Error::new(format!("another worker has made scene {} with another result", entry.scene))
+                        .in_file(self.dataset.name_of(&path))
+                        .help(
+                            "the machine, the device or the program differs; a run with `options.repair` and without \
+                             other workers makes the scene again",
+                        ));
+                }
+            }
         }
         self.loose += 1;
-        Ok(())
+        self.entries.insert(entry.scene, entry);
+        if !self.is_shared && self.loose > LOOSE.max(self.entries.len() / 4) { self.rewrite() } else { Ok(()) }
     }
 
     /// Removes the line of a scene, atomically.
@@ -430,20 +459,23 @@ fn write(dataset: &StoreFolder, entries: &BTreeMap<u32, JournalEntry>) -> Result
     let path = layout::journal();
     dataset.put(&path, &mut |file| {
         for entry in entries.values() {
-            let line = serde_json::to_string(entry).expect("an entry is plain data");
-            writeln!(file, "{line}").map_err(|error| Error::io(dataset.name_of(&path), &error))?;
+            file.write_all(line_of(entry).as_bytes()).map_err(|error| Error::io(dataset.name_of(&path), &error))?;
         }
         Ok(())
     })?;
     dataset.remove_all(&layout::lines())
 }
 
+/// The line of an entry, with its line end.
+fn line_of(entry: &JournalEntry) -> String {
+    let mut line = serde_json::to_string(entry).expect("an entry is plain data");
+    line.push('\n');
+    line
+}
+
 /// The files that are lines, in the order of their scenes.
 fn line_files(dataset: &StoreFolder) -> Result<Vec<DatasetPath>> {
-    let names = dataset.list(&layout::lines())?.into_iter().map(|(name, _)| name);
-    let mut scenes: Vec<u32> = names.filter_map(|name| name.strip_suffix(".json")?.parse().ok()).collect();
-    scenes.sort_unstable();
-    Ok(scenes.into_iter().map(layout::line).collect())
+    Ok(Journal::scenes_of_files(dataset)?.into_iter().map(layout::line).collect())
 }
 
 /// Removes a truncated last line.

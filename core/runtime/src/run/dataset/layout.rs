@@ -5,6 +5,8 @@
 //! .syntable/lock                held while a run works
 //! .syntable/journal.jsonl       one line per finished scene
 //! .syntable/journal/000003.json the line of a scene that a run has made in an object store; until the run ends
+//! .syntable/claims/000012.json  the claim of a worker on the scenes of a block, until they are made
+//! .syntable/staging/w-<worker>/ unfinished scenes of a worker
 //! .syntable/shard.json          number of the shard, if the dataset is one
 //! .syntable/scenes/000003.json  manifest of a scene: its files with sizes and digests
 //! .syntable/finished.json       manifest of the files that the end of a run wrote
@@ -43,6 +45,7 @@ pub const SHARDS: &str = ".syntable/shards/";
 pub const RECORD: &str = ".syntable/staged.json";
 
 const JOURNAL: &str = "journal.jsonl";
+const CLAIMS: &str = "claims";
 const LINES: &str = "journal";
 const TIMES: &str = "times.jsonl";
 
@@ -83,6 +86,19 @@ pub fn lines() -> DatasetPath {
 /// The file of a scene's journal line.
 pub fn line(scene: u32) -> DatasetPath {
     own(&format!("{LINES}/{scene:06}.json"))
+}
+
+/// The folder of the claims of workers.
+pub fn claims() -> DatasetPath {
+    own(CLAIMS)
+}
+
+/// The claim on a block of scenes. The first worker has generation 0, and one that takes the claim over the next.
+pub fn claim(block: u32, generation: u32) -> DatasetPath {
+    own(&match generation {
+        0 => format!("{CLAIMS}/{block:06}.json"),
+        _ => format!("{CLAIMS}/{block:06}-{generation}.json"),
+    })
 }
 
 /// The number of the shard.
@@ -161,10 +177,11 @@ pub fn binned(name: &str) -> DatasetPath {
 
 /// The state of a dataset without its files and the lock, in the order in which `--overwrite` removes it. A folder
 /// without a journal is no dataset.
-pub fn state() -> [DatasetPath; 11] {
+pub fn state() -> [DatasetPath; 12] {
     [
         journal(),
         lines(),
+        claims(),
         recipe(),
         finished(),
         manifests(),

@@ -12,16 +12,29 @@ use syntable_model::store::{Access, Hold, StoreFolder};
 /// # Errors
 /// If another run works there, or the lock is behind a link.
 pub fn lock(dataset: &StoreFolder, access: Access) -> Result<Hold> {
+    try_lock(dataset, access)?.ok_or_else(|| busy(dataset))
+}
+
+/// The error of a dataset that another run writes.
+pub fn busy(dataset: &StoreFolder) -> Error {
+    Error::new("another run is writing this dataset").in_file(dataset.name())
+}
+
+/// Locks a dataset as [`lock`] does; none if another run works there.
+///
+/// # Errors
+/// If the lock is behind a link.
+pub fn try_lock(dataset: &StoreFolder, access: Access) -> Result<Option<Hold>> {
     foreign::check_mark(dataset)?;
-    for attempt in 0..ATTEMPTS {
+    for attempt in 0..if dataset.is_remote() { 1 } else { ATTEMPTS } {
         if attempt > 0 {
             thread::sleep(GLANCE);
         }
         if let Some(hold) = dataset.lock(&layout::lock(), access)? {
-            return Ok(hold);
+            return Ok(Some(hold));
         }
     }
-    Err(Error::new("another run is writing this dataset").in_file(dataset.name()))
+    Ok(None)
 }
 
 /// Whether a run is writing a dataset now.

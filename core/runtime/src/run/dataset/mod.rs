@@ -1,6 +1,7 @@
 //! A dataset in its store: its folder, its journal, the manifests of its files, and data for later runs.
 
 pub(crate) mod adoption;
+pub(crate) mod claims;
 mod commit;
 pub mod draws;
 pub(crate) mod ending;

@@ -20,7 +20,7 @@ impl Folder {
         // Remains of a killed replacement of the recipe, the only one outside the program's own folder.
         self.files.remove_all(&layout::known(&format!("{RECIPE}.part")))?;
         if !self.files.has(&layout::staging())? {
-            return Ok(());
+            return self.files.remove_all(&layout::claims());
         }
         let mut journal = self.journal()?;
         for name in self.staged_names()?.into_iter().filter(|name| name.ends_with(READY)) {
@@ -29,10 +29,11 @@ impl Folder {
             let Ok(staged) = serde_json::from_slice::<Staged>(&foreign::read(&self.files, &record)?) else { continue };
             match self.staging {
                 Staging::Inside => self.publish(&name, staged, &mut journal)?,
-                Staging::Here { .. } => self.forget(staged, &mut journal)?,
+                _ => self.forget(staged, &mut journal)?,
             }
         }
-        self.files.remove_all(&layout::staging())
+        self.files.remove_all(&layout::staging())?;
+        self.files.remove_all(&layout::claims())
     }
 
     /// Forgets a scene of which some files were replaced. They stay in its manifest, so that the next scene of its number

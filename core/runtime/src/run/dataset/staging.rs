@@ -32,6 +32,8 @@ const TRIAL: &str = "trial";
 pub(super) enum Staging {
     /// In the dataset.
     Inside,
+    /// In a folder of the dataset that one of several workers has for itself.
+    Worker(DatasetPath),
     /// In a temporary folder of this machine.
     Here {
         files: StoreFolder,
@@ -41,11 +43,17 @@ pub(super) enum Staging {
 }
 
 impl Staging {
-    /// A place for the unfinished files of a dataset.
+    /// A place for the unfinished files of a dataset that the caller alone writes.
     pub fn of(dataset: &StoreFolder) -> Result<Self> {
-        if !dataset.is_remote() {
-            return Ok(Self::Inside);
-        }
+        if dataset.is_remote() { Self::here() } else { Ok(Self::Inside) }
+    }
+
+    /// A place for the unfinished files of one of several workers.
+    pub fn of_worker(dataset: &StoreFolder, worker: &str) -> Result<Self> {
+        if dataset.is_remote() { Self::here() } else { Ok(Self::Worker(layout::staged(&format!("w-{worker}")))) }
+    }
+
+    fn here() -> Result<Self> {
         let fail = |error: io::Error| {
             Error::io(std::env::temp_dir(), &error).help("scenes are made there before they are uploaded: set TMPDIR")
         };
@@ -84,6 +92,7 @@ impl Folder {
     pub(super) fn staged(&self, name: &str) -> StoreFolder {
         match &self.staging {
             Staging::Inside => self.files.inner(&layout::staged(name)),
+            Staging::Worker(folder) => self.files.inner(&folder.join(&layout::known(name))),
             Staging::Here { files, .. } => files.inner(&layout::known(name)),
         }
     }
@@ -91,12 +100,16 @@ impl Folder {
     fn drop_staged(&self, name: &str) -> Result<()> {
         match &self.staging {
             Staging::Inside => self.files.remove_all(&layout::staged(name)),
+            Staging::Worker(folder) => self.files.remove_all(&folder.join(&layout::known(name))),
             Staging::Here { files, .. } => files.remove_all(&layout::known(name)),
         }
     }
 
     /// Drops all staged files except ready scenes.
     pub fn drop_parts(&self) -> Result<()> {
+        if let Staging::Worker(folder) = &self.staging {
+            return self.files.remove_all(folder);
+        }
         let (ready, parts): (Vec<String>, Vec<String>) =
             self.staged_names()?.into_iter().partition(|name| name.ends_with(READY));
         parts.iter().try_for_each(|name| self.files.remove_all(&layout::staged(name)))?;
@@ -136,14 +149,21 @@ impl Folder {
                     self.share(&from, &to)?;
                     self.files.rename(&from, &to)
                 }
-                Staging::Here { .. } => self.upload(&staged, path, &to),
+                _ => self.send(name, path, &to),
             }
         };
         requests::each(&self.files, paths.len(), &place).map(drop)
     }
 
-    /// Copies a staged file into the dataset on another machine.
-    pub(super) fn upload(&self, staged: &StoreFolder, path: &DatasetPath, to: &DatasetPath) -> Result<()> {
+    /// Moves a staged file of a worker into the dataset, or copies it into the dataset on another machine. It replaces an
+    /// existing file.
+    pub(super) fn send(&self, name: &str, path: &DatasetPath, to: &DatasetPath) -> Result<()> {
+        if let Staging::Worker(folder) = &self.staging {
+            let from = folder.join(&layout::known(name)).join(path);
+            self.share(&from, to)?;
+            return self.files.rename(&from, to);
+        }
+        let staged = self.staged(name);
         let gone = || Error::io(staged.name_of(path), &io::ErrorKind::NotFound.into());
         self.files.put(to, &mut |file| {
             let mut opened = staged.open(path)?.ok_or_else(gone)?;

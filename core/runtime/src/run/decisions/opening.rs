@@ -143,7 +143,11 @@ fn same_shard(folder: &Folder, now: Option<Shard>, journal: &Journal) -> Result<
 
 /// Opens the folder of a run. Completes the work of an interrupted run, unless the run will overwrite the dataset.
 pub fn open_folder(options: &RunOptions, reporter: &dyn Reporter) -> Result<Folder> {
-    let folder = Folder::open(&options.out)?;
+    recovered(Folder::open(&options.out)?, options, reporter)
+}
+
+/// Completes the work of an interrupted run in an open folder, unless the run will overwrite the dataset.
+pub fn recovered(folder: Folder, options: &RunOptions, reporter: &dyn Reporter) -> Result<Folder> {
     folder.files().remove_all(&layout::first_scene())?;
     if options.repair {
         let lines = folder.mend_journal()?;

@@ -1,8 +1,10 @@
 //! Making scenes: several in flight, each committed when it is finished.
 
 use crate::pools::AssetStore;
+use crate::run::dataset::claims::Claims;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
+use crate::run::decisions::growth::Growth;
 use crate::run::decisions::inputs;
 use crate::run::decisions::opening::Begun;
 use crate::run::decisions::work_list::{Job, Task, Todo, Works};
@@ -42,27 +44,33 @@ pub struct MadeScenes {
     pub told: BTreeSet<Notice>,
 }
 
-/// Makes the scenes of a run. From here on the dataset changes.
+/// Gives the dataset the recipe of a run, or proposes it. From here on the dataset changes.
+pub fn prepare(options: &RunOptions, begun: &mut Begun) -> Result<()> {
+    let Begun { folder, journal, resolved, growth, assets, .. } = begun;
+    folder.set_shard(options.shard)?;
+    if growth.is_none() {
+        journal.rewrite()?;
+    }
+    if let Some(store) = assets {
+        folder.set_catalogs(&store.catalogs())?;
+    }
+    if folder.is_empty(journal)? {
+        folder.set_recipe(resolved)
+    } else {
+        folder.propose_recipe(resolved, growth.as_ref().map(Growth::replaced).unwrap_or_default())
+    }
+}
+
+/// Makes the scenes of a run.
 pub fn make(
     recipe: &Recipe,
     options: &RunOptions,
     (pool, times): (&Pool, &Times),
     reporter: &dyn Reporter,
-    begun: Begun,
+    mut begun: Begun,
 ) -> Result<MadeScenes> {
-    let Begun { folder, mut journal, resolved, growth, todo, assets, aside } = begun;
-    folder.set_shard(options.shard)?;
-    if growth.is_none() {
-        journal.rewrite()?;
-    }
-    if let Some(store) = &assets {
-        folder.set_catalogs(&store.catalogs())?;
-    }
-    if folder.is_empty(&journal)? {
-        folder.set_recipe(&resolved)?;
-    } else {
-        folder.propose_recipe(&resolved, growth.map(|growth| growth.replaced()).unwrap_or_default())?;
-    }
+    prepare(options, &mut begun)?;
+    let Begun { folder, journal, resolved, todo, assets, aside, .. } = begun;
     let journal = Mutex::new(journal);
     let made_aside = aside.as_ref().map_or(0, |aside| aside.entry.views());
     aside.map_or(Ok(()), |aside| aside.adopt(&folder, &journal))?;
@@ -70,8 +78,8 @@ pub fn make(
     if let Some(store) = assets.filter(|_| !todo.scenes.is_empty()) {
         let drawn =
             journal.lock().entries().values().flat_map(|entry| entry.assets.clone()).collect::<BTreeMap<_, _>>();
-        let made =
-            make_scenes(recipe, options, reporter, &store.expect(drawn), (pool, times), (&folder, &journal), &todo);
+        let assets = &store.expect(drawn);
+        let made = make_scenes(recipe, options, reporter, assets, (pool, times), (&folder, &journal), (&todo, None));
         if made.is_err() {
             let _ = folder.drop_parts();
         }
@@ -88,16 +96,16 @@ pub fn make(
     Ok(MadeScenes { folder, journal, resolved, new, grown, lacking, told })
 }
 
-/// Makes the scenes on the list of work. Returns the number of scenes that stay as they were, and the reported anomalies
-/// of whole scenes.
-fn make_scenes(
+/// Makes the scenes on the list of work, or those that `claims` gives. Returns the number of scenes that stay as they were,
+/// and the reported anomalies of whole scenes.
+pub fn make_scenes(
     recipe: &Recipe,
     options: &RunOptions,
     reporter: &dyn Reporter,
     assets: &AssetStore,
     (pool, times): (&Pool, &Times),
     (folder, journal): (&Folder, &Mutex<Journal>),
-    todo: &Todo,
+    (todo, claims): (&Todo, Option<&Claims>),
 ) -> Result<(u32, BTreeSet<Notice>)> {
     let (log, start) = (Warnings(reporter), Instant::now());
     let in_flight = scenes_in_flight(recipe, options.threads, todo.scenes.len());
@@ -110,7 +118,7 @@ fn make_scenes(
     let tools = Tools { recipe, assets, cache, workers, log: &log, times, stop: &options.stop };
     let maker = SceneMaker { tools, reporter, folder, sessions: &sessions, checks: &recipe.checks };
     let (notices, progress) = (ReportedNotices::default(), Mutex::default());
-    let work = SceneWork { maker, tasks, todo, journal, notices, progress };
+    let work = SceneWork { maker, tasks, todo, claims, journal, notices, progress };
     panics::quiet(|| {
         std::thread::scope(|threads| {
             let queue = Queue::start(threads, options.threads);
@@ -138,6 +146,7 @@ struct SceneWork<'w> {
     maker: SceneMaker<'w>,
     tasks: Vec<Task<'w>>,
     todo: &'w Todo,
+    claims: Option<&'w Claims>,
     journal: &'w Mutex<Journal>,
     notices: ReportedNotices,
     progress: Mutex<SceneProgress>,
@@ -161,10 +170,17 @@ struct SceneProgress {
 }
 
 impl SceneWork<'_> {
-    /// Makes the next scene. Returns `false` if no scene is left, or if the run ends.
+    /// Makes the next scene, or the next claimed block of scenes. Returns `false` if no scene is left, or if the run ends.
     fn next<'env>(&'env self, queue: &Queue<'env>) -> bool {
         if self.maker.tools.stop.is_requested() {
             return false;
+        }
+        if let Some(claims) = self.claims {
+            let made = self.next_block(claims, queue);
+            return made.unwrap_or_else(|error| {
+                self.progress.lock().failure.get_or_insert(stopping(error));
+                false
+            });
         }
         let task = {
             let mut progress = self.progress.lock();
@@ -173,6 +189,28 @@ impl SceneWork<'_> {
             task
         };
         let Some(task) = task else { return false };
+        self.make(task, queue);
+        true
+    }
+
+    /// Claims a block of scenes, and makes it.
+    fn next_block<'env>(&'env self, claims: &Claims, queue: &Queue<'env>) -> Result<bool> {
+        let goes_on = || self.progress.lock().failure.is_none() && !self.maker.tools.stop.is_requested();
+        let Some((block, scenes)) = claims.next(self.maker.tools.stop)?.filter(|_| goes_on()) else {
+            return Ok(false);
+        };
+        for scene in scenes {
+            let task = self.tasks.binary_search_by_key(&scene, |task| task.scene);
+            self.make(&self.tasks[task.expect("a claimed scene is on the list of work")], queue);
+            if !goes_on() {
+                return Ok(false);
+            }
+        }
+        claims.done(block).map(|()| true)
+    }
+
+    /// Makes a scene, and commits it.
+    fn make<'env>(&'env self, task: &'env Task<'env>, queue: &Queue<'env>) {
         match panics::unwound(|| self.maker.make(task, queue).and_then(|made| self.keep(task, made))) {
             Ok(()) => self.progress.lock().made += 1,
             Err(error) => {
@@ -180,7 +218,6 @@ impl SceneWork<'_> {
                 self.progress.lock().failure.get_or_insert(error);
             }
         }
-        true
     }
 
     /// Commits a scene.

@@ -1,0 +1,258 @@
+//! Claims of workers on blocks of scenes, so that several workers make one dataset without a master.
+//!
+//! A claim is a file that must be new, and that its worker writes again and again. If it stays the same for a while, as
+//! another worker's own clock measures it, its worker is gone or too slow: the other worker takes the block over, with a
+//! file of the next generation, which must be new, too. A claim only spares work. Two workers that make the same scene
+//! write the same bytes, and the line of a scene is written once.
+
+use crate::run::dataset::foreign;
+use crate::run::dataset::journal::Journal;
+use crate::run::dataset::layout;
+use crate::run::stop::Stop;
+use parking_lot::{Condvar, Mutex};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+use syntable_model::error::Result;
+use syntable_model::store::StoreFolder;
+
+/// How a worker claims scenes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ClaimOptions {
+    /// Number of consecutive scenes of a claim; the same for all workers of a dataset. At least 1.
+    pub block: u32,
+    /// Time without a sign of life after which another worker takes a claim over.
+    pub lease: Duration,
+}
+
+impl Default for ClaimOptions {
+    fn default() -> Self {
+        Self { block: 1, lease: Duration::from_secs(60) }
+    }
+}
+
+/// Signs of life of a worker in the time of a lease.
+const SIGNS: u32 = 4;
+/// Looks at the claims of other workers in the time of a lease, while no block is free.
+const LOOKS: u32 = 20;
+/// Longest time between two such looks.
+const LOOK: Duration = Duration::from_secs(5);
+/// Blocks in a row that others have claimed before a worker lists all claims.
+const TAKEN: u32 = 4;
+
+/// The blocks of scenes that a worker and others make.
+pub struct Claims {
+    shared: Arc<Shared>,
+    options: ClaimOptions,
+    blocks: Mutex<Blocks>,
+    renews: Option<JoinHandle<()>>,
+}
+
+/// What the thread that renews claims needs.
+struct Shared {
+    dataset: StoreFolder,
+    worker: String,
+    held: Mutex<Held>,
+    ends: Condvar,
+}
+
+/// The claims of this worker: the generation of each block.
+#[derive(Default)]
+struct Held {
+    claims: BTreeMap<u32, u32>,
+    is_over: bool,
+}
+
+/// The blocks that are not known to be done.
+struct Blocks {
+    /// Scenes to make, by block.
+    scenes: BTreeMap<u32, BTreeSet<u32>>,
+    /// Blocks to try, the next one last.
+    free: Vec<u32>,
+    /// Blocks that other workers claim.
+    others: BTreeMap<u32, Other>,
+    /// Blocks in a row that others had claimed.
+    taken: u32,
+}
+
+/// A claim of another worker.
+struct Other {
+    generation: u32,
+    content: Vec<u8>,
+    /// When this worker first saw the content.
+    since: Instant,
+}
+
+impl Claims {
+    /// The blocks of some scenes. `worker` is a name that no other worker has; it decides where this worker begins, so
+    /// that workers seldom meet.
+    pub fn new(dataset: &StoreFolder, worker: &str, options: ClaimOptions, todo: impl Iterator<Item = u32>) -> Self {
+        let mut scenes: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
+        for scene in todo {
+            scenes.entry(scene / options.block * options.block).or_default().insert(scene);
+        }
+        let mut free: Vec<u32> = scenes.keys().rev().copied().collect();
+        let start = u64::from_str_radix(worker, 16).unwrap_or_default() % (free.len() as u64).max(1);
+        free.rotate_left(start as usize);
+        let (dataset, worker) = (dataset.clone(), worker.to_owned());
+        let shared = Arc::new(Shared { dataset, worker, held: Mutex::default(), ends: Condvar::new() });
+        let blocks = Mutex::new(Blocks { scenes, free, others: BTreeMap::new(), taken: 0 });
+        let renews = {
+            let (shared, pause) = (Arc::clone(&shared), options.lease / SIGNS);
+            thread::spawn(move || shared.renew(pause))
+        };
+        Self { shared, options, blocks, renews: Some(renews) }
+    }
+
+    /// Claims the next block: its number and the scenes of it that nobody has made. Waits while other workers have all
+    /// blocks, because one of them may be gone. None if all scenes are made, or the work is to stop.
+    pub fn next(&self, stop: &Stop) -> Result<Option<(u32, Vec<u32>)>> {
+        while !stop.is_requested() {
+            let mut blocks = self.blocks.lock();
+            if blocks.taken >= TAKEN || (blocks.free.is_empty() && !blocks.scenes.is_empty()) {
+                blocks.taken = 0;
+                self.look(&mut blocks)?;
+            }
+            if let Some(block) = blocks.free.pop() {
+                let generation = blocks.others.remove(&block).map_or(0, |other| other.generation + 1);
+                if let Some(claimed) = self.claim(&mut blocks, block, generation)? {
+                    return Ok(Some(claimed));
+                }
+                continue;
+            }
+            let is_over = blocks.scenes.is_empty();
+            drop(blocks);
+            if is_over {
+                return Ok(None);
+            }
+            thread::sleep((self.options.lease / LOOKS).min(LOOK));
+        }
+        Ok(None)
+    }
+
+    /// Tries to claim a block. Returns its scenes that nobody has made; none if another worker has it or has made it.
+    fn claim(&self, blocks: &mut Blocks, block: u32, generation: u32) -> Result<Option<(u32, Vec<u32>)>> {
+        let dataset = &self.shared.dataset;
+        if !dataset.write_new(&layout::claim(block, generation), self.shared.sign(0).as_bytes())? {
+            blocks.taken += 1;
+            // It is read when all claims are looked at.
+            blocks.others.insert(block, Other { generation, content: Vec::new(), since: Instant::now() });
+            return Ok(None);
+        }
+        blocks.taken = 0;
+        self.shared.held.lock().claims.insert(block, generation);
+        // Its last worker may have made it since the lines were listed.
+        let mut left = blocks.scenes.get(&block).cloned().unwrap_or_default();
+        for scene in left.clone() {
+            if dataset.has(&layout::line(scene))? {
+                left.remove(&scene);
+            }
+        }
+        if left.is_empty() {
+            blocks.scenes.remove(&block);
+            self.release(block)?;
+            return Ok(None);
+        }
+        Ok(Some((block, left.into_iter().collect())))
+    }
+
+    /// Marks a claimed block as done, and gives the claim back.
+    pub fn done(&self, block: u32) -> Result<()> {
+        self.blocks.lock().scenes.remove(&block);
+        self.release(block)
+    }
+
+    fn release(&self, block: u32) -> Result<()> {
+        let Some(generation) = self.shared.held.lock().claims.remove(&block) else { return Ok(()) };
+        // The claims of workers that are gone end with it.
+        (0..=generation).try_for_each(|generation| self.shared.dataset.remove(&layout::claim(block, generation)))
+    }
+
+    /// Looks at all claims and lines: finds blocks that are done, and blocks that are free again.
+    fn look(&self, blocks: &mut Blocks) -> Result<()> {
+        let dataset = &self.shared.dataset;
+        let claims = claims_of(dataset)?;
+        // Lines are listed after claims: a worker writes its lines before it gives its claim back.
+        let lines = Journal::scenes_of_files(dataset)?;
+        let held = self.shared.held.lock().claims.clone();
+        blocks.scenes.retain(|block, scenes| held.contains_key(block) || !scenes.iter().all(|scene| lines.contains(scene)));
+        let Blocks { scenes, free, others, .. } = blocks;
+        free.retain(|block| scenes.contains_key(block));
+        others.retain(|block, _| scenes.contains_key(block));
+        for &block in scenes.keys().filter(|block| !held.contains_key(block)) {
+            let Some(&generation) = claims.get(&block) else {
+                others.remove(&block);
+                if !free.contains(&block) {
+                    free.push(block);
+                }
+                continue;
+            };
+            let content = foreign::read(dataset, &layout::claim(block, generation))?;
+            let seen = others.entry(block).or_insert_with(|| Other { generation, content: Vec::new(), since: Instant::now() });
+            if seen.generation != generation || seen.content != content {
+                *seen = Other { generation, content, since: Instant::now() };
+            }
+            let is_over = seen.since.elapsed() > self.options.lease;
+            free.retain(|other| *other != block);
+            if is_over {
+                free.push(block);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Claims {
+    fn drop(&mut self) {
+        self.shared.held.lock().is_over = true;
+        self.shared.ends.notify_all();
+        if let Some(renews) = self.renews.take() {
+            let _ = renews.join();
+        }
+        // Other workers need not wait for the end of the leases.
+        let blocks: Vec<u32> = self.shared.held.lock().claims.keys().copied().collect();
+        blocks.into_iter().for_each(|block| drop(self.release(block)));
+    }
+}
+
+impl Shared {
+    fn sign(&self, number: u64) -> String {
+        format!("{{\"worker\":\"{}\",\"sign\":{number}}}\n", self.worker)
+    }
+
+    /// Writes signs of life until the work is over. A sign that cannot be written is missing, as if the worker were slow.
+    fn renew(&self, pause: Duration) {
+        for number in 1.. {
+            let claims = {
+                let mut held = self.held.lock();
+                let end = Instant::now() + pause;
+                while !held.is_over && !self.ends.wait_until(&mut held, end).timed_out() {}
+                if held.is_over {
+                    return;
+                }
+                held.claims.clone()
+            };
+            for (block, generation) in claims {
+                // The claim may have been given back meanwhile.
+                let held = self.held.lock();
+                if held.claims.get(&block) == Some(&generation) {
+                    let _ = self.dataset.write(&layout::claim(block, generation), self.sign(number).as_bytes());
+                }
+            }
+        }
+    }
+}
+
+/// The newest generation of each claim.
+fn claims_of(dataset: &StoreFolder) -> Result<BTreeMap<u32, u32>> {
+    let mut claims = BTreeMap::new();
+    for (name, _) in dataset.list(&layout::claims())? {
+        let Some(name) = name.strip_suffix(".json") else { continue };
+        let (block, generation) = name.split_once('-').unwrap_or((name, "0"));
+        let (Ok(block), Ok(generation)) = (block.parse(), generation.parse::<u32>()) else { continue };
+        let newest: &mut u32 = claims.entry(block).or_insert(generation);
+        *newest = (*newest).max(generation);
+    }
+    Ok(claims)
+}
