@@ -171,7 +171,6 @@ fn many_read_or_one_writes(store: &StoreFolder) {
     drop(writes);
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,13 +6,14 @@ use crate::exit::Exit;
 use crate::signals::{Ends, ended, on_signals};
 use clap::Args;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
 use syntable_model::store::StoreFolder;
 use syntable_recipe::message::Message;
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::{Event, count};
-use syntable_runtime::run::{RunOptions, RunOutcome, SceneRange, Shard, ShardChoice, run as run_recipe};
+use syntable_runtime::run::{ClaimOptions, RunOptions, RunOutcome, SceneRange, Shard, ShardChoice, run as run_recipe};
 use syntable_runtime::workers;
 
 #[derive(Args)]
@@ -30,6 +31,20 @@ pub(crate) struct RunArgs {
     /// Batch, Cloud Run or SkyPilot, and `auto/N` also from Kubernetes or PBS.
     #[arg(long, value_name = "I/N", value_parser = str::parse::<ShardChoice>)]
     shard: Option<ShardChoice>,
+    /// Make the dataset together with other workers that run the same command, on any machines that reach the folder or the
+    /// URL. Each claims blocks of BLOCK scenes; the same for all workers. The last one ends the run.
+    #[arg(
+        long,
+        value_name = "BLOCK",
+        num_args = 0..=1,
+        default_missing_value = "1",
+        value_parser = clap::value_parser!(u32).range(1..),
+        conflicts_with_all = ["shard", "overwrite", "retry_failed", "repair", "rewrite"]
+    )]
+    claim: Option<u32>,
+    /// Time without a sign of life after which other workers take over the scenes that a worker claims, in seconds.
+    #[arg(long, value_name = "SECONDS", requires = "claim", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=86400))]
+    lease: u32,
     /// Worker threads. Default: all cores. The dataset does not depend on their number.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -66,6 +81,7 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs, progra
     let options = RunOptions {
         scenes,
         shard,
+        claim: args.claim.map(|block| ClaimOptions { block, lease: Duration::from_secs(args.lease.into()) }),
         allow_code: args.allow_code,
         overwrite: args.overwrite,
         retry_failed: args.retry_failed,

@@ -7,7 +7,7 @@
 //! | [`create`](Store::create) | a file that must not exist | an upload with the condition that the key is new |
 //! | [`put`](Store::put) | a temporary file, flushed to disk and renamed | one upload |
 //! | [`put_new`](Store::put_new) | a temporary file, flushed to disk, and a hard link to it | one upload with the condition that the key is new |
-//! | [`append`](Store::append) | a flushed write to the end of a file | a download, and an upload with the condition that nobody changed the object |
+//! | [`append`](Store::append) | a flushed write to the end of a file | a download, and an upload with the condition that the object is unchanged |
 //! | [`rename`](Store::rename) | a rename | copies within the store, then deletions |
 //! | [`share`](Store::share) | a hard link | nothing |
 //! | [`lock`](Store::lock) | a locked file | a lease, which its owner renews |

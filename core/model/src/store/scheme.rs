@@ -32,6 +32,12 @@ fn scheme_of(name: &str) -> Option<&str> {
     is_scheme.then_some(scheme)
 }
 
+/// The scheme of a URL whose slashes were joined, as types for paths do.
+fn joined(path: &str) -> Option<&'static str> {
+    let (scheme, rest) = path.split_once(":/").filter(|(_, rest)| !rest.starts_with('/'))?;
+    STOCK.iter().flat_map(|(schemes, _)| *schemes).copied().find(|it| *it == scheme).filter(|_| !rest.is_empty())
+}
+
 impl StoreFolder {
     /// The folder at a path of this machine, or at a URL. It need not exist. Makes no request.
     ///
@@ -39,6 +45,10 @@ impl StoreFolder {
     /// If no linked crate knows the scheme of the URL, or the URL is not valid.
     pub fn at(name: impl AsRef<Path>) -> Result<Self> {
         let path = name.as_ref();
+        if let Some(scheme) = path.to_str().and_then(joined) {
+            let message = format!("`{}` was a URL of the scheme `{scheme}`, and lost a `/` as a path", path.display());
+            return Err(Error::new(message).help(format!("pass `{scheme}://...` as text")).of_request());
+        }
         let Some((name, scheme)) = path.to_str().and_then(|name| Some((name, scheme_of(name)?))) else {
             return Ok(path.into());
         };
@@ -77,11 +87,13 @@ mod tests {
 
     #[test]
     fn paths_are_no_urls() {
-        for path in ["data", "/tmp/x", "C:\\x", "a:b", "s3:/x", "1s://x", "a b://x", "./s3://x"] {
+        for path in ["data", "/tmp/x", "C:\\x", "a:b", "./s3:/x", "1s://x", "a b://x", "./s3://x"] {
             assert!(!is_url(path) && StoreFolder::at(path).is_ok_and(|folder| folder.local().is_some()), "{path}");
         }
         let error = StoreFolder::at("s3://bucket/x").expect_err("not linked here").to_string();
         assert!(error.contains("`s3://bucket/x`") && error.contains("feature `object-store`"), "{error}");
+        let error = StoreFolder::at("s3:/bucket/x").expect_err("joined").to_string();
+        assert!(error.contains("lost a `/`") && error.contains("s3://"), "{error}");
         let error = StoreFolder::at("ftp://host/x").expect_err("unknown").to_string();
         assert!(error.contains("`ftp`") && error.contains("path of a folder"), "{error}");
     }

@@ -16,8 +16,8 @@ pub struct RunOptions {
     pub scenes: Option<Range<u32>>,
     /// Make only the scenes of this shard. `None` makes a dataset that is no shard.
     pub shard: Option<Shard>,
-    /// Make the dataset together with other workers, each of which claims blocks of scenes. `None`: no other run may work on
-    /// the dataset.
+    /// Make the dataset together with other workers. Each claims blocks of scenes. `None`: no other run may work on the
+    /// dataset.
     pub claim: Option<ClaimOptions>,
     /// Number of threads.
     pub threads: usize,

@@ -4,12 +4,12 @@
 //! workers share the dataset and claim blocks of scenes. When all scenes have lines, each worker waits until it has the
 //! dataset for itself again; the first one ends the run, and the others find its end.
 
+use crate::pools::AssetStore;
 use crate::run::dataset::claims::{ClaimOptions, Claims};
 use crate::run::dataset::ending::is_finished;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::Journal;
 use crate::run::dataset::layout;
-use crate::pools::AssetStore;
 use crate::run::decisions::growth::Growth;
 use crate::run::decisions::inputs;
 use crate::run::decisions::opening::{self, Begun, CheckedRun};
@@ -22,8 +22,8 @@ use crate::run::stop::Stop;
 use crate::run::{finish, run_in};
 use crate::workers::Pool;
 use parking_lot::Mutex;
-use std::collections::{BTreeMap, BTreeSet};
 use std::collections::hash_map::RandomState;
+use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{BuildHasher, Hasher};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
@@ -31,10 +31,10 @@ use std::time::{Duration, Instant};
 use syntable_model::error::{Error, Result};
 use syntable_recipe::{Recipe, lock_of};
 
-/// Time between two attempts to get a dataset that others use.
-const PAUSE: Duration = Duration::from_millis(250);
-/// Longest such time.
-const LONG_PAUSE: Duration = Duration::from_secs(5);
+/// Time between the first two attempts to get a dataset that others use, as a part of the time of a lease, and its limit.
+const PAUSE: (u32, Duration) = (8, Duration::from_millis(250));
+/// The same between later attempts.
+const LONG_PAUSE: (u32, Duration) = (4, Duration::from_secs(5));
 /// Time after which a worker says that it waits.
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -44,7 +44,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, claim: ClaimOptions, reporter:
     let start = Instant::now();
     let guarded = Guarded(reporter);
     let reporter = &Once::new(&guarded);
-    let mut wait = Wait::new(reporter, &options.stop);
+    let mut wait = Wait::new(reporter, &options.stop, claim.lease);
     let made = make(recipe, options, claim, (reporter, &mut wait))?;
     let alone = RunOptions {
         out: options.out.clone(),
@@ -124,7 +124,7 @@ fn make(
     Ok(counted.images.into_inner())
 }
 
-/// Opens the dataset beside other workers. Writes the recipe first, while nobody else has the dataset, if the dataset has
+/// Opens the dataset beside other workers. Writes the recipe first, while no other worker has the dataset, if the dataset has
 /// no recipe or a smaller one.
 fn share<'a>(
     recipe: &'a Recipe,
@@ -162,7 +162,7 @@ fn share<'a>(
     }
 }
 
-/// Refuses pools and devices that differ from those of the worker that wrote the recipe.
+/// Refuses pools and devices that differ from what the writer of the recipe had.
 fn same_inputs(begun: &Begun, recipe: &Recipe) -> Result<()> {
     let Begun { folder, resolved, assets, .. } = begun;
     let (then, now) = (lock_of(&folder.recipe()?.unwrap_or_default()), lock_of(resolved));
@@ -176,7 +176,8 @@ fn same_inputs(begun: &Begun, recipe: &Recipe) -> Result<()> {
         true => "processors".to_owned(),
         false => names.iter().cloned().collect::<Vec<_>>().join(", "),
     };
-    let message = format!("the workers of a dataset need equal devices: {} before, {} here", list(&then.devices), list(&devices));
+    let message =
+        format!("the workers of a dataset need equal devices: {} before, {} here", list(&then.devices), list(&devices));
     Err(Error::new(message)
         .in_file(folder.name())
         .help("their images may differ by rounding: choose workers with equal devices, or make shards, which `merge` joins with `options.mixed_devices`")
@@ -198,12 +199,14 @@ struct Wait<'w> {
     reporter: &'w dyn Reporter,
     stop: &'w Stop,
     pause: Duration,
+    longest: Duration,
     waited: Duration,
 }
 
 impl<'w> Wait<'w> {
-    fn new(reporter: &'w dyn Reporter, stop: &'w Stop) -> Self {
-        Self { reporter, stop, pause: PAUSE, waited: Duration::ZERO }
+    fn new(reporter: &'w dyn Reporter, stop: &'w Stop, lease: Duration) -> Self {
+        let [pause, longest] = [PAUSE, LONG_PAUSE].map(|(part, most)| (lease / part).min(most));
+        Self { reporter, stop, pause, longest, waited: Duration::ZERO }
     }
 
     /// Waits for a moment, each time a little longer. Says once why.
@@ -214,11 +217,11 @@ impl<'w> Wait<'w> {
                 return Err(Error::stopped(format!("stopped by {reason} while waiting: {why}"))
                     .help("finished scenes are kept, and the same command continues"));
             }
-            thread::sleep(PAUSE.min(end - Instant::now()));
+            thread::sleep(PAUSE.1.min(end.saturating_duration_since(Instant::now())));
         }
         let is_new = self.waited < PATIENCE;
         self.waited += self.pause;
-        self.pause = (self.pause * 3 / 2).min(LONG_PAUSE);
+        self.pause = (self.pause * 3 / 2).min(self.longest);
         if is_new && self.waited >= PATIENCE {
             self.reporter.event(&Event::Note { message: format!("waiting: {why}") });
         }

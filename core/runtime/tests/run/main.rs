@@ -1,8 +1,10 @@
 //! Runs of stages written for these tests: scheduling, scopes, replacement, errors that end a run at once, and datasets
 //! that grow, are compared, repaired and merged.
 
+mod claims;
 mod devices;
 mod draws;
+mod fault_store;
 mod generate;
 mod growth;
 #[cfg(unix)]

@@ -1,14 +1,12 @@
 //! Datasets in memory, and stores that fail or are killed at any call: the resulting bytes are the same.
 
+use crate::fault_store::{Fault, FaultStore};
 use crate::kit::{registry, run, run_with};
 use std::collections::BTreeMap;
-use std::io::{self, ErrorKind, Write};
-use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use syntable_model::error::{Error, Result};
+use syntable_model::error::Result;
 use syntable_model::files::DatasetPath;
-use syntable_model::store::{Access, Fill, Found, Hold, Kind, MemStore, Store, StoreFolder, StoredFile};
+use syntable_model::store::{Access, MemStore, StoreFolder};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::Quiet;
 use syntable_runtime::run::{MergeOptions, RunOptions, merge, verify};
@@ -119,186 +117,6 @@ fn parts_of_any_store_are_merged_into_any_other() {
     merge(within("part-2")).expect("beside the part");
 }
 
-/// Fault at a call.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Fault {
-    /// The call fails and changes nothing, and the next calls work.
-    Once,
-    /// The call works but fails, because its answer is lost, and the next calls work.
-    Unheard,
-    /// The program is killed during the call: the call does a part of its work, and no later call reaches the store.
-    Kill,
-}
-
-/// A store in memory with a fault at one call.
-#[derive(Debug)]
-struct FaultStore {
-    inner: Arc<MemStore>,
-    /// The call with the fault, from 0.
-    at: u32,
-    fault: Fault,
-    calls: AtomicU32,
-    killed: Arc<AtomicBool>,
-}
-
-/// Outcome of a call.
-enum Turn {
-    Works,
-    /// The call works, and fails.
-    Unheard(Error),
-    /// The call does a part of its work, and fails.
-    Torn(Error),
-}
-
-impl FaultStore {
-    fn new(inner: Arc<MemStore>, at: u32, fault: Fault) -> Self {
-        Self { inner, at, fault, calls: AtomicU32::new(0), killed: Arc::default() }
-    }
-
-    fn error() -> io::Error {
-        ErrorKind::StorageFull.into()
-    }
-
-    fn turn(&self, path: &str) -> Result<Turn> {
-        let error = || Error::io(self.inner.name_of(path), &Self::error());
-        if self.killed.load(Ordering::SeqCst) {
-            return Err(error());
-        }
-        match self.fault {
-            _ if self.calls.fetch_add(1, Ordering::SeqCst) != self.at => Ok(Turn::Works),
-            Fault::Once => Err(error()),
-            Fault::Unheard => Ok(Turn::Unheard(error())),
-            Fault::Kill => {
-                self.killed.store(true, Ordering::SeqCst);
-                Ok(Turn::Torn(error()))
-            }
-        }
-    }
-
-    /// A call that may be killed before or after its work, but not during it.
-    fn whole<T>(&self, path: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
-        match self.turn(path)? {
-            Turn::Works => work(),
-            Turn::Unheard(error) => work().and(Err(error)),
-            Turn::Torn(error) => Err(error),
-        }
-    }
-
-    /// The first half of the files in a folder.
-    fn half(&self, folder: &DatasetPath) -> Vec<DatasetPath> {
-        let prefix = format!("{folder}/");
-        let all: Vec<DatasetPath> = self.inner.files().into_keys().filter(|path| path.starts_with(&prefix)).collect();
-        all[..all.len().div_ceil(2)].to_vec()
-    }
-}
-
-impl Store for FaultStore {
-    fn name_of(&self, path: &str) -> PathBuf {
-        self.inner.name_of(path)
-    }
-
-    fn is_remote(&self) -> bool {
-        self.inner.is_remote()
-    }
-
-    fn prepare(&self) -> Result<()> {
-        self.whole("", || self.inner.prepare())
-    }
-
-    fn look(&self, path: &str) -> Result<Option<Found>> {
-        self.whole(path, || self.inner.look(path))
-    }
-
-    fn list(&self, folder: &str) -> Result<Vec<(String, Kind)>> {
-        self.whole(folder, || self.inner.list(folder))
-    }
-
-    fn open(&self, path: &DatasetPath) -> Result<Option<StoredFile>> {
-        self.whole(path, || self.inner.open(path))
-    }
-
-    fn create(&self, path: &DatasetPath) -> Result<Option<Box<dyn Write + Send>>> {
-        self.whole(path, || {
-            let created = self.inner.create(path)?;
-            Ok(created.map(|file| Box::new(Killable { file, killed: Arc::clone(&self.killed) }) as _))
-        })
-    }
-
-    fn put(&self, path: &DatasetPath, fill: &mut Fill) -> Result<()> {
-        self.whole(path, || self.inner.put(path, fill))
-    }
-
-    fn put_new(&self, path: &DatasetPath, bytes: &[u8]) -> Result<bool> {
-        self.whole(path, || self.inner.put_new(path, bytes))
-    }
-
-    fn append(&self, path: &DatasetPath, bytes: &[u8]) -> Result<()> {
-        match self.turn(path)? {
-            Turn::Works => self.inner.append(path, bytes),
-            // The contract allows no other.
-            Turn::Unheard(error) => Err(error),
-            Turn::Torn(error) => self.inner.append(path, &bytes[..bytes.len() / 2]).and(Err(error)),
-        }
-    }
-
-    fn sync(&self, path: &DatasetPath) -> Result<()> {
-        self.whole(path, || self.inner.sync(path))
-    }
-
-    fn share(&self, _: &dyn Store, path: &DatasetPath, to: &DatasetPath) -> Result<bool> {
-        self.whole(to, || self.inner.share(&*self.inner, path, to))
-    }
-
-    fn rename(&self, from: &DatasetPath, to: &DatasetPath) -> Result<()> {
-        match self.turn(to)? {
-            Turn::Works => self.inner.rename(from, to),
-            Turn::Unheard(error) => self.inner.rename(from, to).and(Err(error)),
-            Turn::Torn(error) => {
-                for path in self.half(from) {
-                    let inside = DatasetPath::new(&path[from.len() + 1..]).expect("a part of a path");
-                    self.inner.rename(&path, &to.join(&inside))?;
-                }
-                Err(error)
-            }
-        }
-    }
-
-    fn remove(&self, path: &DatasetPath) -> Result<()> {
-        self.whole(path, || self.inner.remove(path))
-    }
-
-    fn remove_all(&self, path: &DatasetPath) -> Result<()> {
-        match self.turn(path)? {
-            Turn::Works => self.inner.remove_all(path),
-            Turn::Unheard(error) => self.inner.remove_all(path).and(Err(error)),
-            Turn::Torn(error) => {
-                self.half(path).iter().try_for_each(|path| self.inner.remove(path))?;
-                Err(error)
-            }
-        }
-    }
-
-    fn lock(&self, path: &DatasetPath, access: Access) -> Result<Option<Hold>> {
-        self.whole(path, || self.inner.lock(path, access))
-    }
-}
-
-/// A file that a killed program no longer writes.
-struct Killable {
-    file: Box<dyn Write + Send>,
-    killed: Arc<AtomicBool>,
-}
-
-impl Write for Killable {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        if self.killed.load(Ordering::SeqCst) { Err(FaultStore::error()) } else { self.file.write(bytes) }
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
-    }
-}
-
 /// Tries one of this many calls. `STORE_FAULT_EVERY=1` tries all, which takes 15 seconds.
 const EVERY: u32 = 7;
 
@@ -310,9 +128,9 @@ fn everywhere(what: &str, before: &Files, command: &dyn Fn(StoreFolder) -> Resul
 
 fn everywhere_in(kind: fn() -> MemStore, what: &str, before: &Files, command: &dyn Fn(StoreFolder) -> Result<()>) {
     let whole = store_of(before, kind);
-    let counted = Arc::new(FaultStore::new(Arc::clone(&whole), u32::MAX, Fault::Once));
+    let counted = Arc::new(FaultStore::new(Arc::clone(&whole), |_| None));
     command(Arc::clone(&counted).into()).expect(what);
-    let (whole, calls) = (files_of(&whole), counted.calls.load(Ordering::SeqCst));
+    let (whole, calls) = (files_of(&whole), counted.calls());
     assert!(calls > 50 && !verify(store_of(&whole, kind), 1).expect("a dataset").unfinished, "{what}: {calls} calls");
     let every = std::env::var("STORE_FAULT_EVERY").map_or(EVERY, |every| every.parse().expect("a number"));
     let mut failed = 0;
@@ -320,7 +138,12 @@ fn everywhere_in(kind: fn() -> MemStore, what: &str, before: &Files, command: &d
         for at in (0..calls).filter(|at| at % every == offset) {
             let case = format!("{what}: {fault:?} at call {at} of {calls}");
             let store = store_of(before, kind);
-            failed += u32::from(command(Arc::new(FaultStore::new(Arc::clone(&store), at, fault)).into()).is_err());
+            failed += u32::from(
+                command(
+                    Arc::new(FaultStore::new(Arc::clone(&store), move |call| (call == at).then_some(fault))).into(),
+                )
+                .is_err(),
+            );
             // A scene in the journal is intact after any fault.
             let is_dataset = store.get(".syntable/journal.jsonl").is_some();
             if is_dataset && store.files().keys().all(|path| !path.starts_with(".syntable/staging/")) {

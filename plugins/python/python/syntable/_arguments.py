@@ -44,6 +44,22 @@ def shard_text(shard: Any) -> str | None:
     return f"{numbers[0]}/{numbers[1]}"
 
 
+def claim_of(claim: Any, lease: Any) -> tuple[int, float] | None:
+    """The number of scenes of a claim, and the time of its lease in seconds.
+
+    Raises:
+        TypeError: If they are no numbers.
+        ValueError: If they are out of range.
+    """
+    if isinstance(lease, bool) or not isinstance(lease, (int, float, np.integer, np.floating)):
+        raise TypeError(f"lease is a time in seconds, not {lease!r}")
+    if not 0.001 <= lease <= 86400:
+        raise ValueError(f"lease is between 0.001 and 86400 seconds, not {lease}")
+    if claim is None or claim is False:
+        return None
+    return (1 if claim is True else whole(claim, "claim", 1, 2**32 - 1)), float(lease)
+
+
 def png_path(value: Any) -> str:
     """The path of an image that is written as PNG.
 

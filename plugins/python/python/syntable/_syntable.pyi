@@ -171,7 +171,7 @@ class Viewer:
 def run(
     recipe: Recipe,
     out: _Path,
-    part: tuple[tuple[int, int] | None, str | None],
+    part: tuple[tuple[int, int] | None, str | None, tuple[int, float] | None],
     threads: int | None,
     flags: list[str],
     progress: _Progress,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from . import _syntable, _toml
-from ._arguments import path, shard_text
+from ._arguments import claim_of, path, shard_text
 from .datasets import Dataset, named
 from .generating import scene_range, thread_count
 from .progress import Progress, listener
@@ -78,6 +78,8 @@ def run(
     *,
     scenes: range | tuple[int, int] | int | None = None,
     shard: str | tuple[int, int] | None = None,
+    claim: bool | int = False,
+    lease: float = 60.0,
     threads: int | None = None,
     overwrite: bool = False,
     retry_failed: bool = False,
@@ -90,11 +92,14 @@ def run(
 
     Args:
         recipe: A recipe, its path, ``builtin:NAME``, or dicts.
-        out: Folder of the dataset.
+        out: Folder of the dataset, or its URL in an object store, such as ``"s3://bucket/mine"``.
         scenes: Numbers of the scenes to make, such as ``range(0, 10)``. Default: all.
         shard: Make one shard for `merge`: ``"3/10"`` or ``(3, 10)`` for number 3 of 10, from 0. ``"auto"`` takes both
             numbers from the variables of a job array, and ``"auto/10"`` the number of the task. The shard goes to the
             folder ``OUT.shards/3-of-10``.
+        claim: Make the dataset together with other processes that make the same call, on any machines. Each claims scene
+            by scene, or blocks of so many scenes. The last one ends the run.
+        lease: Time without a sign of life after which others take over the claimed scenes of a process, s.
         threads: Number of threads; the dataset does not depend on it. Default: all cores.
         overwrite: Delete the dataset in the folder, and start again.
         retry_failed: Retry scenes that failed before.
@@ -118,7 +123,7 @@ def run(
     found = _syntable.run(
         as_recipe(recipe)._raw,
         path(out, "out"),
-        (scene_range(scenes), shard_text(shard)),
+        (scene_range(scenes), shard_text(shard), claim_of(claim, lease)),
         thread_count(threads),
         [name for name, is_on in switches.items() if is_on],
         listener(progress),
@@ -140,8 +145,8 @@ def merge(
     equals the dataset of one run, byte for byte. The parts stay as they are.
 
     Args:
-        parts: Folders of the parts, or folders of such folders.
-        out: Folder of the merged dataset, new or from an earlier call.
+        parts: Folders or URLs of the parts, or folders of such folders.
+        out: Folder or URL of the merged dataset, new or from an earlier call.
         threads: Number of threads. Default: all cores.
         partial: Merge the shards that exist, although others are missing.
         mixed_devices: Merge parts that different devices rendered. Their images may differ by rounding.
@@ -221,7 +226,7 @@ def status(*datasets: str | os.PathLike[str]) -> Status:
     """Shows how far datasets are while they are made, perhaps by other processes. Does not disturb runs.
 
     Args:
-        datasets: Folders of datasets, or of shards such as ``data/mine.shards``.
+        datasets: Folders or URLs of datasets, or of shards such as ``data/mine.shards``.
 
     Raises:
         SyntableError: If a folder has no dataset, or cannot be read.
@@ -274,7 +279,7 @@ def verify(dataset: Dataset | str | os.PathLike[str], *, threads: int | None = N
     """Compares the files of a dataset of `run` with its journal, without changing it.
 
     Args:
-        dataset: The dataset, or its folder. No run may be writing it.
+        dataset: The dataset, or its folder or URL. No run may be writing it.
         threads: Number of threads. Default: all cores.
 
     Raises:

@@ -10,38 +10,43 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value as Json, json as object};
 use std::path::PathBuf;
+use std::time::Duration;
 use syntable::{DiskCache, MergeOptions, RunOptions};
 use syntable_model::store::StoreFolder;
 use syntable_recipe::Component;
 use syntable_recipe::message::Message;
 use syntable_runtime::run::forecast::{self, Forecast, ForecastOptions};
 use syntable_runtime::run::progress::Reporter;
-use syntable_runtime::run::{RunOutcome, Shard, ShardChoice};
+use syntable_runtime::run::{ClaimOptions, RunOutcome, Shard, ShardChoice};
 
-/// Makes the dataset of a recipe, or continues it. `part` is the range of scenes, and
-/// the text of a shard. `flags` are the names of options to switch on.
+/// The scenes that a run makes: their range, the text of a shard, and the block and lease of a worker's claims.
+type Part = (Option<(u32, u32)>, Option<String>, Option<(u32, f64)>);
+
+/// Makes the dataset of a recipe, or continues it. `flags` are the names of options to switch on.
 #[pyfunction]
 #[pyo3(signature = (recipe, out, part, threads, flags, progress))]
 pub fn run<'py>(
     py: Python<'py>,
     recipe: &Recipe,
     out: PathBuf,
-    part: (Option<(u32, u32)>, Option<String>),
+    part: Part,
     threads: Option<usize>,
     flags: Vec<String>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (recipe, warnings) = recipe.load(py, &[])?;
-    let (scenes, shard) = part;
+    let (scenes, shard, claim) = part;
+    let claim = claim.map(|(block, lease)| ClaimOptions { block, lease: Duration::from_secs_f64(lease) });
     let shard = shard.map(|text| shard_of(py, &text)).transpose()?;
     let out = shard.map_or_else(|| out.clone(), |shard| shard.folder(&out));
-    let path = out.clone();
+    let (path, out) = (out.clone(), folder_at(py, &out)?);
     let outcome = wait_for(py, progress.as_ref(), move |sender, stop| {
         let has = |name: &str| flags.iter().any(|flag| flag == name);
         warnings.into_iter().for_each(|warning| sender.message(&Message::Diagnostic(warning)));
         let options = RunOptions {
             scenes: scenes.map(|(first, end)| first..end),
             shard,
+            claim,
             allow_code: has("allow_code"),
             overwrite: has("overwrite"),
             retry_failed: has("retry_failed"),
@@ -53,6 +58,11 @@ pub fn run<'py>(
         syntable::run(&recipe, &options, sender)
     })?;
     outcome_of(py, outcome, path)
+}
+
+/// The folder at a path or a URL.
+fn folder_at(py: Python<'_>, name: &PathBuf) -> PyResult<StoreFolder> {
+    StoreFolder::at(name).map_err(|error| exception(py, &error))
 }
 
 /// The shard that a text such as `3/10` or `auto` means.
@@ -87,7 +97,8 @@ pub fn merge<'py>(
     flags: Vec<String>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let (registry, path) = (registry(py)?, out.clone());
+    let (registry, path, out) = (registry(py)?, out.clone(), folder_at(py, &out)?);
+    let parts = parts.iter().map(|part| folder_at(py, part)).collect::<PyResult<Vec<_>>>()?;
     let outcome = wait_for(py, progress.as_ref(), move |sender, stop| {
         let has = |name: &str| flags.iter().any(|flag| flag == name);
         let options = MergeOptions {
@@ -106,9 +117,8 @@ pub fn merge<'py>(
 #[pyfunction]
 #[pyo3(signature = (datasets))]
 pub fn status(py: Python<'_>, datasets: Vec<PathBuf>) -> PyResult<Bound<'_, PyAny>> {
-    let found = wait_for(py, None, move |_, _| {
-        syntable_runtime::run::status(&datasets.iter().map(StoreFolder::from).collect::<Vec<_>>())
-    })?;
+    let datasets = datasets.iter().map(|dataset| folder_at(py, dataset)).collect::<PyResult<Vec<_>>>()?;
+    let found = wait_for(py, None, move |_, _| syntable_runtime::run::status(&datasets))?;
     json(py, &object!(found))
 }
 
@@ -116,6 +126,7 @@ pub fn status(py: Python<'_>, datasets: Vec<PathBuf>) -> PyResult<Bound<'_, PyAn
 #[pyfunction]
 #[pyo3(signature = (dataset, threads))]
 pub fn verify(py: Python<'_>, dataset: PathBuf, threads: Option<usize>) -> PyResult<Bound<'_, PyAny>> {
+    let dataset = folder_at(py, &dataset)?;
     let found = wait_for(py, None, move |_, _| syntable::verify(&dataset, threads_or_all(threads)))?;
     let result = object!({
         "scenes": found.scenes,

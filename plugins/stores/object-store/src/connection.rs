@@ -52,7 +52,8 @@ pub fn open(url: &str) -> Result<StoreFolder> {
 }
 
 fn objects(scheme: &str, bucket: &str, name: String) -> Result<Arc<Objects>> {
-    let variables = env::vars_os().filter_map(|(key, value)| Some((key.into_string().ok()?, value.into_string().ok()?)));
+    let variables =
+        env::vars_os().filter_map(|(key, value)| Some((key.into_string().ok()?, value.into_string().ok()?)));
     let variables = variables.filter(|(key, _)| PREFIXES.iter().any(|prefix| key.starts_with(prefix)));
     let made: Made = (name.clone(), variables.collect());
     if let Some(objects) = BUCKETS.lock().get(&made) {
@@ -125,7 +126,8 @@ fn s3(bucket: &str) -> Result<Arc<dyn ObjectStore>> {
         let region = match region {
             Some(region) => Some(region),
             None if is_aws => Some(wait(resolve_bucket_region(bucket, &options)).map_err(|error| {
-                crate::failure::error(format!("s3://{bucket}"), &error).help("set AWS_REGION to the region of the bucket")
+                crate::failure::error(format!("s3://{bucket}"), &error)
+                    .help("set AWS_REGION to the region of the bucket")
             })?),
             None => None,
         };
@@ -139,7 +141,8 @@ fn s3(bucket: &str) -> Result<Arc<dyn ObjectStore>> {
 
 fn gs(bucket: &str) -> Result<Arc<dyn ObjectStore>> {
     let has = |name: &str| env::var_os(name).is_some_and(|value| !value.is_empty());
-    let given = ["APPLICATION_CREDENTIALS", "SERVICE_ACCOUNT", "SERVICE_ACCOUNT_PATH", "SERVICE_ACCOUNT_KEY", "SKIP_SIGNATURE"];
+    let given =
+        ["APPLICATION_CREDENTIALS", "SERVICE_ACCOUNT", "SERVICE_ACCOUNT_PATH", "SERVICE_ACCOUNT_KEY", "SKIP_SIGNATURE"];
     let is_given = given.iter().any(|name| has(&format!("GOOGLE_{name}"))) || has("GOOGLE_BEARER_TOKEN");
     let of_user = env::home_dir().map(|home| home.join(".config/gcloud/application_default_credentials.json"));
     if !is_given && !of_user.is_some_and(|file| file.exists()) && !is_machine_of("Google") {

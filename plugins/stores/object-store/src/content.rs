@@ -47,7 +47,7 @@ impl ObjectContent {
                     self.chunk = (at, bytes);
                     return Ok(());
                 }
-                // The connection ended early. The rest is asked for anew.
+                // The connection ended early. Another request gets the rest.
                 Some(Err(_)) | None => {}
             }
         }

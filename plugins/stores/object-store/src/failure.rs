@@ -42,7 +42,8 @@ pub fn io_error(failure: &Failure) -> io::Error {
 }
 
 const DENIED: &str = "these credentials may not do this: check the rights of the user, the role or the key";
-const UNKNOWN: &str = "the credentials are wrong or have expired: get new ones, then run the same command, which goes on";
+const UNKNOWN: &str =
+    "the credentials are wrong or have expired: get new ones, then run the same command, which goes on";
 const NONE: &str = "no credentials were found: set the variables of the store, as the chapter on object stores shows";
 const OFFLINE: &str = "the request was sent again for some minutes: check the network and the name of the bucket, then run the \
                        same command, which goes on";
@@ -75,7 +76,8 @@ fn without_secrets(text: &str) -> String {
         _ => text.split('<').next().unwrap_or_default().to_owned(),
     };
     while let Some(at) = text.find('?') {
-        let end = text[at..].find(|c: char| c.is_whitespace() || c == ')' || c == '"').map_or(text.len(), |end| at + end);
+        let end =
+            text[at..].find(|c: char| c.is_whitespace() || c == ')' || c == '"').map_or(text.len(), |end| at + end);
         text.replace_range(at..end, " ");
     }
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");

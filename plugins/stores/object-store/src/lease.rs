@@ -98,7 +98,7 @@ pub struct Lease {
 }
 
 impl Lease {
-    /// Takes a lease; none if another program holds it or shares it. Waits until leases end that nobody renews.
+    /// Takes a lease; none if another program holds it or shares it. Waits until abandoned leases end.
     pub fn take(bucket: &Arc<Bucket>, key: &Key) -> object_store::Result<Option<Self>> {
         let Some(taken) = Self::take_one(bucket, key)? else { return Ok(None) };
         // A program that shares from now on finds the lease. Those that shared it before are found here.
@@ -117,13 +117,13 @@ impl Lease {
         Ok(if Self::is_free(bucket, key)? { Some(shared) } else { None })
     }
 
-    /// Whether no program holds a lease alone. Waits until a lease ends that nobody renews.
+    /// Whether no program holds a lease alone. Waits until an abandoned lease ends.
     pub fn is_free(bucket: &Bucket, key: &Key) -> object_store::Result<bool> {
         let Some((present, _)) = bucket.get(key)? else { return Ok(true) };
         Ok(!matches!(watch(bucket, key, &present)?, Watched::Renewed))
     }
 
-    /// Whether a share has ended. Deletes it if nobody renews it.
+    /// Whether a share has ended. Deletes an abandoned one.
     fn has_ended(bucket: &Bucket, share: &Key) -> object_store::Result<bool> {
         let Some((present, _)) = bucket.get(share)? else { return Ok(true) };
         match watch(bucket, share, &present)? {
@@ -176,7 +176,7 @@ impl Drop for Lease {
             let _ = renews.join();
         }
         self.bucket.locks().held.lock().retain(|state| !Arc::ptr_eq(state, &self.state));
-        // A lease that cannot be deleted ends by itself.
+        // A lease that cannot be deleted ends without renewals.
         if let Ok(Some((present, _))) = self.bucket.get(&self.key)
             && present.starts_with(text_of(self.owner).as_bytes())
         {
@@ -230,13 +230,13 @@ fn text(owner: u64, number: u64) -> String {
     format!("{}\"renewal\":{number}}}\n", text_of(owner))
 }
 
-/// What happened to a lease of another program.
+/// The fate of a lease of another program.
 enum Watched {
     /// Its owner renewed it.
     Renewed,
     /// Its owner gave it up.
     Gone,
-    /// Nobody renewed it.
+    /// Its owner is gone.
     Ended,
 }
 

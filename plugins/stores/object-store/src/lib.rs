@@ -5,7 +5,7 @@
 //! | `connection.rs`, `profile.rs` | the client of a URL, with credentials from the environment or from the files of `aws` |
 //! | `objects.rs` | the [`Store`](syntable_model::store::Store) |
 //! | `content.rs`, `spool.rs` | files that are read by ranges; files that are uploaded when they are complete |
-//! | `lease.rs` | locks that end by themselves when their owner no longer renews them |
+//! | `lease.rs` | locks that end when their owner no longer renews them |
 //! | `requests.rs`, `failure.rs` | requests of threads that wait for them; errors without secrets |
 //!
 //! An object store has no folders: a folder exists if a key begins with its path and `/`. A file is one object. Requests

@@ -35,8 +35,10 @@ impl Profile {
         let credentials = read(file("AWS_SHARED_CREDENTIALS_FILE", "credentials"))?;
         let found = Self::of(name, &config, &credentials);
         match named {
-            Some(name) if found.is_none() => Err(Error::new(format!("AWS_PROFILE is {name:?}, and no file of `aws` has this profile"))
-                .help("`aws configure list-profiles` lists them")),
+            Some(name) if found.is_none() => {
+                Err(Error::new(format!("AWS_PROFILE is {name:?}, and no file of `aws` has this profile"))
+                    .help("`aws configure list-profiles` lists them"))
+            }
             _ => Ok(found),
         }
     }
@@ -78,7 +80,8 @@ mod tests {
     #[test]
     fn profiles_are_read_from_both_files() {
         let config = "[default]\nregion = eu-west-1\n[profile lab]\nregion=us-east-2\n# aws_session_token = no\n";
-        let credentials = "[default]\naws_access_key_id = A\naws_secret_access_key = b=\n\n[lab]\naws_access_key_id=C\n";
+        let credentials =
+            "[default]\naws_access_key_id = A\naws_secret_access_key = b=\n\n[lab]\naws_access_key_id=C\n";
         let text = |text: &str| Some(text.to_owned());
         let default = Profile { key_id: text("A"), secret: text("b="), token: None, region: text("eu-west-1") };
         assert_eq!(Profile::of("default", config, credentials), Some(default));

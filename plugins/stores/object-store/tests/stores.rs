@@ -4,8 +4,8 @@ use futures_util::stream::BoxStream;
 use object_store::memory::InMemory;
 use object_store::path::Path as Key;
 use object_store::{
-    CopyOptions, Error as Failure, GetOptions, GetResult, ListResult, MultipartUpload, ObjectMeta, ObjectStore, ObjectStoreExt,
-    PutMode, PutMultipartOptions, PutOptions, PutPayload, PutResult, Result as Answer,
+    CopyOptions, Error as Failure, GetOptions, GetResult, ListResult, MultipartUpload, ObjectMeta, ObjectStore,
+    ObjectStoreExt, PutMode, PutMultipartOptions, PutOptions, PutPayload, PutResult, Result as Answer,
 };
 use std::fmt;
 use std::sync::Arc;
@@ -107,7 +107,11 @@ fn a_run_that_lost_its_lease_writes_nothing() {
         assert!(error.contains("another run has taken over the dataset"), "{error}");
     }
     drop(held);
-    assert_eq!(files.read(&path(".syntable/lock")).expect("readable"), Some(other.into()), "the lease of the other run stays");
+    assert_eq!(
+        files.read(&path(".syntable/lock")).expect("readable"),
+        Some(other.into()),
+        "the lease of the other run stays"
+    );
     files.write(&path("a"), b"a").expect("no lease is held any more");
 }
 

@@ -49,7 +49,7 @@ pub struct Claims {
     renews: Option<JoinHandle<()>>,
 }
 
-/// What the thread that renews claims needs.
+/// The state that the worker shares with the thread that renews its claims.
 struct Shared {
     dataset: StoreFolder,
     worker: String,
@@ -105,7 +105,7 @@ impl Claims {
         Self { shared, options, blocks, renews: Some(renews) }
     }
 
-    /// Claims the next block: its number and the scenes of it that nobody has made. Waits while other workers have all
+    /// Claims the next block: its number and its scenes without a line. Waits while other workers have all
     /// blocks, because one of them may be gone. None if all scenes are made, or the work is to stop.
     pub fn next(&self, stop: &Stop) -> Result<Option<(u32, Vec<u32>)>> {
         while !stop.is_requested() {
@@ -131,7 +131,7 @@ impl Claims {
         Ok(None)
     }
 
-    /// Tries to claim a block. Returns its scenes that nobody has made; none if another worker has it or has made it.
+    /// Tries to claim a block. Returns its scenes without a line; none if another worker has it or has made it.
     fn claim(&self, blocks: &mut Blocks, block: u32, generation: u32) -> Result<Option<(u32, Vec<u32>)>> {
         let dataset = &self.shared.dataset;
         if !dataset.write_new(&layout::claim(block, generation), self.shared.sign(0).as_bytes())? {
@@ -176,7 +176,9 @@ impl Claims {
         // Lines are listed after claims: a worker writes its lines before it gives its claim back.
         let lines = Journal::scenes_of_files(dataset)?;
         let held = self.shared.held.lock().claims.clone();
-        blocks.scenes.retain(|block, scenes| held.contains_key(block) || !scenes.iter().all(|scene| lines.contains(scene)));
+        blocks
+            .scenes
+            .retain(|block, scenes| held.contains_key(block) || !scenes.iter().all(|scene| lines.contains(scene)));
         let Blocks { scenes, free, others, .. } = blocks;
         free.retain(|block| scenes.contains_key(block));
         others.retain(|block, _| scenes.contains_key(block));
@@ -189,7 +191,8 @@ impl Claims {
                 continue;
             };
             let content = foreign::read(dataset, &layout::claim(block, generation))?;
-            let seen = others.entry(block).or_insert_with(|| Other { generation, content: Vec::new(), since: Instant::now() });
+            let seen =
+                others.entry(block).or_insert_with(|| Other { generation, content: Vec::new(), since: Instant::now() });
             if seen.generation != generation || seen.content != content {
                 *seen = Other { generation, content, since: Instant::now() };
             }

@@ -172,7 +172,7 @@ impl Folder {
         requests::each(&self.files, paths.len(), &send).map(drop)
     }
 
-    /// Writes the record of a scene whose files are to be moved or replaced.
+    /// Writes the record of a scene before its files are moved or replaced.
     fn write_record(&self, record: &Staged) -> Result<()> {
         let text = serde_json::to_string(record).expect("an entry is plain data");
         let folder = layout::staged(&ready(record.entry.scene));
@@ -186,12 +186,7 @@ impl Folder {
 
     /// Refuses new files of a scene at existing paths outside its `own`. `present` is its journal line. Returns the paths
     /// that the scene owns although its manifest is lost.
-    fn check_places(
-        &self,
-        new: &Manifest,
-        own: &Manifest,
-        present: Option<&JournalEntry>,
-    ) -> Result<BTreeSet<String>> {
+    fn check_places(&self, new: &Manifest, own: &Manifest, present: Option<&JournalEntry>) -> Result<BTreeSet<String>> {
         let unowned = new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK));
         let unowned: Vec<&DatasetPath> = unowned.collect();
         let exists = requests::each(&self.files, unowned.len(), &|number| self.files.has(unowned[number]))?;

@@ -42,7 +42,9 @@ pub fn is_finished(dataset: &StoreFolder) -> Result<bool> {
     let Some(digest) = Finished::of(dataset)?.journal else { return Ok(false) };
     // Lines in files of their own were written after the last end.
     let journal = layout::journal();
-    Ok(Journal::scenes_of_files(dataset)?.is_empty() && dataset.has(&journal)? && Stamp::of(dataset, &journal)?.1 == digest)
+    Ok(Journal::scenes_of_files(dataset)?.is_empty()
+        && dataset.has(&journal)?
+        && Stamp::of(dataset, &journal)?.1 == digest)
 }
 
 /// Digest that identifies a recipe: all of it except the locked assets.

@@ -1,8 +1,8 @@
 //! The journal of a dataset: one line per finished scene. A scene without a line does not exist.
 //!
 //! A run appends lines to `journal.jsonl`. In an object store, which cannot append, or if several workers make the dataset,
-//! each line is a file of its own, which is written once. A run joins these files into `journal.jsonl` when there are many, at its end, and when it opens
-//! the journal. Until they are removed, they say the same as the joined lines.
+//! each line is a file of its own, which is written once. A run joins these files into `journal.jsonl` when it has written many, at its end, and when it
+//! opens the journal. Until it has removed them, they equal the joined lines.
 
 use crate::run::dataset::draws::PoseDraws;
 use crate::run::dataset::layout;
@@ -413,12 +413,15 @@ impl Journal {
                     return Ok(());
                 }
                 _ => {
-                    return Err(Error::new(format!("another worker has made scene {} with another result", entry.scene))
-                        .in_file(self.dataset.name_of(&path))
-                        .help(
-                            "the machine, the device or the program differs; a run with `options.repair` and without \
+                    return Err(Error::new(format!(
+                        "another worker has made scene {} with another result",
+                        entry.scene
+                    ))
+                    .in_file(self.dataset.name_of(&path))
+                    .help(
+                        "the machine, the device or the program differs; a run with `options.repair` and without \
                              other workers makes the scene again",
-                        ));
+                    ));
                 }
             }
         }

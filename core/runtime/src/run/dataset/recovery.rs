@@ -36,7 +36,7 @@ impl Folder {
         self.files.remove_all(&layout::claims())
     }
 
-    /// Forgets a scene of which some files were replaced. They stay in its manifest, so that the next scene of its number
+    /// Forgets a scene after some of its files were replaced. They stay in its manifest, so that the next scene of its number
     /// replaces them.
     fn forget(&self, replaced: Staged, journal: &mut Journal) -> Result<()> {
         let scene = replaced.entry.scene;
