@@ -8,7 +8,7 @@ import pickle
 import shutil
 import subprocess
 import sys
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -234,6 +234,17 @@ def test_shards_are_merged(tmp_path, monkeypatch):
     assert st.merge([tmp_path / "data.shards"], out, progress=False).images == whole.images
     for name in ("annotation_final.json", ".syntable/journal.jsonl"):
         assert (out / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_workers_share_a_dataset(tmp_path):
+    recipe, out = small_recipe(**{"dataset.scenes": 3}), tmp_path / "data"
+    whole = st.run(recipe, tmp_path / "whole", progress=False)
+    with ThreadPoolExecutor(2) as pool:
+        work = [pool.submit(st.run, recipe, out, claim=True, lease=5, threads=1, progress=False) for _ in range(2)]
+        made = [one.result() for one in work]
+    assert [(one.scenes, one.images, one.complete) for one in made] == [(3, whole.images, True)] * 2
+    assert files(out) == files(tmp_path / "whole") and st.verify(out).whole
+
 
 
 def test_a_pickled_sample_knows_its_folder(dataset, tmp_path, monkeypatch):

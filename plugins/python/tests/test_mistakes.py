@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pathlib
 import pickle
 import shutil
 import signal
@@ -93,6 +94,11 @@ CALLS = [
     (lambda s, d, t: st.run(s, t, shard=3), TypeError, "'3/10' or 'auto'"),
     (lambda s, d, t: st.run(s, t, shard=(3, 3)), ValueError, "numbered from 0"),
     (lambda s, d, t: st.run(s, t, shard="auto"), st.SyntableError, "SLURM_ARRAY_TASK_ID"),
+    (lambda s, d, t: st.run(s, t, claim=0.5), TypeError, "claim is an integer"),
+    (lambda s, d, t: st.run(s, t, claim=True, lease=0), ValueError, "between 0.001 and 86400"),
+    (lambda s, d, t: st.run(s, t, claim=True, overwrite=True), st.SyntableError, "exclude each other"),
+    (lambda s, d, t: st.run(s, "ftp://host/x"), st.SyntableError, "`ftp` name no store"),
+    (lambda s, d, t: st.status(pathlib.Path("s3://bucket/x")), st.SyntableError, "lost a `/` as a path"),
     (lambda s, d, t: st.status(t), st.SyntableError, "no dataset"),
     (lambda s, d, t: st.status(), TypeError, "status\\('data/mine'\\)"),
     (lambda s, d, t: st.open(d)[0]["rbg"], KeyError, "has no `rbg`: did you mean `rgb`"),

@@ -43,6 +43,45 @@ fn a_killed_run_goes_on() {
     assert_same(&whole, &broken);
 }
 
+/// Three workers share a dataset. One is killed, and one is paused until the others have taken over its scene.
+#[cfg(unix)]
+#[test]
+fn a_killed_and_a_paused_worker_cost_a_scene_each() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, shared) = (folder.path().join("whole"), folder.path().join("shared"));
+    let scenes = ["--set", "dataset.scenes=24", "--threads", "1"];
+    ok(&mut small_run(&whole, &scenes));
+    let worker = || {
+        let mut run = small_run(&shared, &scenes);
+        run.args(["--claim", "--lease", "1"]).stderr(Stdio::null()).stdout(Stdio::null()).spawn().expect("starts")
+    };
+    let [mut first, mut killed, mut paused] = [worker(), worker(), worker()];
+    let count = |name: &str| std::fs::read_dir(shared.join(".syntable").join(name)).map_or(0, Iterator::count);
+    let until = |what: &str, is_so: &dyn Fn() -> bool| {
+        let start = Instant::now();
+        while !is_so() {
+            assert!(start.elapsed() < Duration::from_secs(60), "not within a minute: {what}");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    };
+    let signal = |name: &str, worker: &std::process::Child| {
+        ok(std::process::Command::new("kill").args([name, &worker.id().to_string()]));
+    };
+    until("all workers have claims, and a scene is made", &|| count("claims") >= 3 && count("journal") > 0);
+    signal("-STOP", &paused);
+    killed.kill().expect("killable");
+    killed.wait().expect("waits");
+    let of_paused = count("claims");
+    until("all scenes are made", &|| count("journal") == 24);
+    assert!(of_paused > 0 && paused.try_wait().expect("waits").is_none());
+    signal("-CONT", &paused);
+    assert!(first.wait().expect("waits").success() && paused.wait().expect("waits").success());
+    assert_same(&whole, &shared);
+    for name in ["claims", "journal", "staging"] {
+        assert!(!shared.join(".syntable").join(name).exists(), "{name} stays");
+    }
+}
+
 #[test]
 fn a_folder_that_cannot_be_written_is_named() {
     let folder = tempfile::tempdir().expect("a folder");
