@@ -136,7 +136,7 @@ fn workers_exclude_runs_and_other_recipes() {
 /// Number of rounds of random faults. `CLAIM_ROUNDS=200` takes three minutes.
 const ROUNDS: u64 = 10;
 
-/// Three workers on a store of which any call may fail, work without an answer, be slow, or be the last one of a worker.
+/// Three workers on a store. Any call may fail, work without an answer, be slow, or be the last one of a worker.
 #[test]
 fn no_fault_makes_journals_disagree_or_loses_a_scene() {
     let folder = tempfile::tempdir().expect("a folder");
