@@ -17,6 +17,20 @@ pub fn check_store(new: impl Fn() -> StoreFolder) {
     files_and_folders_are_moved_and_removed(&new());
     bytes_are_shared_or_copied(&new());
     many_read_or_one_writes(&new());
+    folders_come_and_go(&new());
+}
+
+/// A worker removes the last file of a folder while another one writes the next.
+fn folders_come_and_go(store: &StoreFolder) {
+    let work = |worker: u32| {
+        let own = path(&format!("claims/{worker}"));
+        for _ in 0..200 {
+            assert_eq!(store.write_new(&own, b"x"), Ok(true));
+            store.write(&own, b"y").and_then(|()| store.remove(&own)).expect("there");
+        }
+    };
+    std::thread::scope(|threads| (0..4).for_each(|worker| drop(threads.spawn(move || work(worker)))));
+    assert_eq!(store.list("claims"), Ok(vec![]));
 }
 
 /// Whether a path cannot be a file and a folder at once.

@@ -123,8 +123,7 @@ impl Store for FsStore {
 
     fn create(&self, path: &DatasetPath) -> Result<Option<Box<dyn Write + Send>>> {
         let full = path.below(&self.root);
-        create_parent(&full)?;
-        match File::create_new(&full) {
+        match create_file(&full)? {
             Ok(file) => Ok(Some(Box::new(BufWriter::new(file)))),
             Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(None),
             Err(error) => Err(Error::io(full, &error)),
@@ -135,10 +134,9 @@ impl Store for FsStore {
         let full = path.below(&self.root);
         let part = part_of(path)?.below(&self.root);
         let fail = |error: io::Error| Error::io(&full, &error);
-        create_parent(&full)?;
         // An interrupted call may have left the file.
         let _ = fs::remove_file(&part);
-        let mut file = BufWriter::new(File::create_new(&part).map_err(fail)?);
+        let mut file = BufWriter::new(create_file(&part)?.map_err(fail)?);
         let filled = fill(&mut file).and_then(|()| {
             let synced = file.flush().and_then(|()| file.get_ref().sync_all());
             synced.and_then(|()| fs::rename(&part, &full)).map_err(fail)
@@ -153,10 +151,9 @@ impl Store for FsStore {
     fn put_new(&self, path: &DatasetPath, bytes: &[u8]) -> Result<bool> {
         let full = path.below(&self.root);
         let fail = |error: io::Error| Error::io(&full, &error);
-        create_parent(&full)?;
         // Callers on other machines write at the same time, and each needs a name of its own.
         let part = part_of(&format!("{path}.{:016x}", random()))?.below(&self.root);
-        let mut file = File::create_new(&part).map_err(fail)?;
+        let mut file = create_file(&part)?.map_err(fail)?;
         let written = file.write_all(bytes).and_then(|()| file.sync_all());
         drop(file);
         let linked = written.and_then(|()| fs::hard_link(&part, &full));
@@ -278,6 +275,22 @@ fn part_of(path: &str) -> Result<DatasetPath> {
 fn random() -> u64 {
     RandomState::new().build_hasher().finish()
 }
+
+/// Creates a new file, and the folders that it is in. Another worker may remove an empty folder in between.
+fn create_file(path: &Path) -> Result<io::Result<File>> {
+    for _ in 1..FOLDER_TRIES {
+        create_parent(path)?;
+        match File::create_new(path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            created => return Ok(created),
+        }
+    }
+    create_parent(path)?;
+    Ok(File::create_new(path))
+}
+
+/// Times that a folder is created for one file.
+const FOLDER_TRIES: u32 = 100;
 
 fn create_parent(path: &Path) -> Result<()> {
     path.parent().map_or(Ok(()), |parent| fs::create_dir_all(parent).map_err(|error| Error::io(parent, &error)))
