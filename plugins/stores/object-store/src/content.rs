@@ -1,6 +1,7 @@
 //! The content of an object, read by ranges.
 
 use crate::failure::io_error;
+use crate::objects::whole;
 use crate::requests::wait;
 use bytes::Bytes;
 use futures_util::StreamExt;
@@ -32,7 +33,7 @@ pub struct ObjectContent {
 impl ObjectContent {
     /// Opens an object at its beginning, with one request. Returns it with its size.
     pub fn open(store: Arc<dyn ObjectStore>, key: Key) -> object_store::Result<(u64, Self)> {
-        let answer = wait(store.get_opts(&key, GetOptions::default()))?;
+        let answer = wait(whole(|| store.get_opts(&key, GetOptions::default())))?;
         let (size, version) = (answer.meta.size, answer.meta.e_tag.clone());
         let answer = Some((0, answer.into_stream()));
         Ok((size, Self { store, key, size, version, at: 0, chunk: (0, Bytes::new()), answer }))

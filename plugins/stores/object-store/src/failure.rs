@@ -1,6 +1,7 @@
 //! Errors of requests, without secrets.
 
 use object_store::Error as Failure;
+use object_store::client::{HttpError, HttpErrorKind};
 use std::error::Error as _;
 use std::io::{self, ErrorKind};
 use std::path::Path;
@@ -29,6 +30,18 @@ pub fn error(name: impl AsRef<Path>, failure: &Failure) -> Error {
     let text = without_secrets(&chain(failure));
     let error = Error::io(name, &io::Error::new(kind, text));
     help.map_or(error.clone(), |help| error.help(help))
+}
+
+/// Whether the connection broke off within an answer. The client sends a request again only if it got no answer at all.
+pub fn is_cut(failure: &Failure) -> bool {
+    let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(failure);
+    while let Some(inner) = cause {
+        if let Some(error) = inner.downcast_ref::<HttpError>() {
+            return matches!(error.kind(), HttpErrorKind::Interrupted | HttpErrorKind::Decode | HttpErrorKind::Unknown);
+        }
+        cause = inner.source();
+    }
+    false
 }
 
 /// The same as an error of reading.

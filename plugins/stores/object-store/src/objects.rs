@@ -63,14 +63,14 @@ impl Bucket {
     fn below(&self, folder: &str) -> Result<Vec<ObjectMeta>> {
         let key = self.key(folder)?;
         let prefix = Some(&key).filter(|_| !folder.is_empty());
-        wait(self.store.list(prefix).try_collect()).map_err(self.fail(folder))
+        wait(whole(|| self.store.list(prefix).try_collect())).map_err(self.fail(folder))
     }
 
     /// Whether a folder exists.
     fn has_folder(&self, folder: &str) -> Result<bool> {
         let key = self.key(folder)?;
-        let first = wait(async { self.store.list(Some(&key)).next().await });
-        first.transpose().map(|first| first.is_some()).map_err(self.fail(folder))
+        let first = wait(whole(async || self.store.list(Some(&key)).next().await.transpose()));
+        first.map(|first| first.is_some()).map_err(self.fail(folder))
     }
 
     fn head(&self, path: &str) -> Result<Option<ObjectMeta>> {
@@ -115,7 +115,7 @@ impl Bucket {
 
     /// The content of a small object with its version.
     pub fn get(&self, key: &Key) -> object_store::Result<Option<(Vec<u8>, UpdateVersion)>> {
-        wait(async {
+        wait(whole(async || {
             let got = match self.store.get_opts(key, GetOptions::default()).await {
                 Ok(got) => got,
                 Err(Failure::NotFound { .. }) => return Ok(None),
@@ -123,7 +123,7 @@ impl Bucket {
             };
             let version = UpdateVersion { e_tag: got.meta.e_tag.clone(), version: got.meta.version.clone() };
             Ok(Some((got.bytes().await?.to_vec(), version)))
-        })
+        }))
     }
 
     /// Writes an object on a condition. Returns its version, or none if the condition does not hold.
@@ -160,11 +160,11 @@ impl Bucket {
 
     /// The keys below a key.
     pub fn keys_below(&self, key: &Key) -> object_store::Result<Vec<Key>> {
-        wait(self.store.list(Some(key)).map_ok(|meta| meta.location).try_collect())
+        wait(whole(|| self.store.list(Some(key)).map_ok(|meta| meta.location).try_collect()))
     }
 
     pub fn delete(&self, key: &Key) -> object_store::Result<()> {
-        match wait(self.store.delete(key)) {
+        match wait(whole(|| self.store.delete(key))) {
             Err(Failure::NotFound { .. }) => Ok(()),
             done => done,
         }
@@ -174,6 +174,17 @@ impl Bucket {
 /// Whether a request may have failed on its way, and not by an answer that a repetition would get again.
 fn is_lost(failure: &Failure) -> bool {
     matches!(failure, Failure::Generic { .. })
+}
+
+/// Sends a request, which may be carried out twice, again if the connection broke off within the answer.
+pub async fn whole<T>(request: impl AsyncFn() -> object_store::Result<T>) -> object_store::Result<T> {
+    let mut tries = 1;
+    loop {
+        match request().await {
+            Err(failure) if tries < TRIES && failure::is_cut(&failure) => tries += 1,
+            answer => return answer,
+        }
+    }
 }
 
 impl Store for Objects {
@@ -200,7 +211,7 @@ impl Store for Objects {
     fn list(&self, folder: &str) -> Result<Vec<(String, Kind)>> {
         let key = self.0.key(folder)?;
         let prefix = Some(&key).filter(|_| !folder.is_empty());
-        let listed = wait(self.0.store.list_with_delimiter(prefix)).map_err(self.0.fail(folder))?;
+        let listed = wait(whole(|| self.0.store.list_with_delimiter(prefix))).map_err(self.0.fail(folder))?;
         let name = |key: &Key| key.filename().unwrap_or_default().to_owned();
         let files = listed.objects.iter().map(|meta| (name(&meta.location), Kind::File));
         Ok(files.chain(listed.common_prefixes.iter().map(|folder| (name(folder), Kind::Folder))).collect())
@@ -275,7 +286,7 @@ impl Store for Objects {
         if moved.is_empty() {
             return Err(Error::io(self.name_of(from), &io::ErrorKind::NotFound.into()));
         }
-        let copies = moved.iter().map(|(from, to)| bucket.store.copy(from, to));
+        let copies = moved.iter().map(|(from, to)| whole(move || bucket.store.copy(from, to)));
         let copied = stream::iter(copies).buffer_unordered(AT_ONCE).try_collect::<Vec<()>>();
         wait(copied).map_err(bucket.fail(to))?;
         moved.iter().try_for_each(|(from, _)| bucket.delete(from)).map_err(bucket.fail(from))
@@ -290,13 +301,16 @@ impl Store for Objects {
         let bucket = &self.0;
         bucket.locks.check()?;
         bucket.delete(&bucket.key(path)?).map_err(bucket.fail(path))?;
-        let all: Vec<_> = bucket.below(path)?.into_iter().map(|meta| Ok(meta.location)).collect();
-        let deleted = bucket.store.delete_stream(stream::iter(all).boxed());
-        let each = deleted.map(|deleted| match deleted {
-            Err(Failure::NotFound { .. }) => Ok(()),
-            deleted => deleted.map(drop),
+        let all: Vec<Key> = bucket.below(path)?.into_iter().map(|meta| meta.location).collect();
+        let deleted = whole(|| {
+            let all = stream::iter(all.clone()).map(Ok).boxed();
+            let deleted = bucket.store.delete_stream(all).map(|deleted| match deleted {
+                Err(Failure::NotFound { .. }) => Ok(()),
+                deleted => deleted.map(drop),
+            });
+            deleted.try_collect::<Vec<()>>()
         });
-        wait(each.try_collect::<Vec<()>>()).map(drop).map_err(bucket.fail(path))
+        wait(deleted).map(drop).map_err(bucket.fail(path))
     }
 
     fn lock(&self, path: &DatasetPath, access: Access) -> Result<Option<Hold>> {
