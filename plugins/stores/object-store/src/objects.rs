@@ -139,10 +139,12 @@ impl Bucket {
                 Ok(put) => return Ok(Some(UpdateVersion { e_tag: put.e_tag, version: put.version })),
                 Err(failure) => failure,
             };
-            let is_refused = matches!(
-                failure,
-                Failure::AlreadyExists { .. } | Failure::Precondition { .. } | Failure::NotFound { .. }
-            );
+            let is_refused = match failure {
+                Failure::AlreadyExists { .. } | Failure::Precondition { .. } => true,
+                // Without an object to replace. A new object lacks the bucket.
+                Failure::NotFound { .. } => !matches!(mode, PutMode::Create),
+                _ => false,
+            };
             match self.get(key) {
                 Ok(Some((present, version))) if present == bytes => return Ok(Some(version)),
                 Ok(_) if is_refused => return Ok(None),
