@@ -12,24 +12,37 @@ const LONGEST: usize = 300;
 
 /// The error of a request for the object that `name` names.
 pub fn error(name: impl AsRef<Path>, failure: &Failure) -> Error {
+    let text = chain(failure);
     let (kind, help) = match failure {
+        _ if text.contains("NoSuchBucket") => (ErrorKind::NotFound, Some(NOWHERE)),
         Failure::NotFound { .. } => (ErrorKind::NotFound, None),
         Failure::AlreadyExists { .. } => (ErrorKind::AlreadyExists, None),
-        Failure::PermissionDenied { .. } => (ErrorKind::PermissionDenied, Some(DENIED)),
-        Failure::Unauthenticated { .. } => (ErrorKind::PermissionDenied, Some(UNKNOWN)),
-        _ => {
-            let text = chain(failure);
-            let is_denied = ["ExpiredToken", "InvalidAccessKeyId", "SignatureDoesNotMatch", "InvalidToken"];
-            match is_denied.iter().any(|code| text.contains(code)) {
-                true => (ErrorKind::PermissionDenied, Some(UNKNOWN)),
-                false if text.contains("169.254.169.254") => (ErrorKind::PermissionDenied, Some(NONE)),
-                false => (ErrorKind::ConnectionAborted, Some(OFFLINE)),
-            }
-        }
+        _ => match denial(failure, &text) {
+            Some(help) => (ErrorKind::PermissionDenied, Some(help)),
+            None => (ErrorKind::ConnectionAborted, Some(OFFLINE)),
+        },
     };
-    let text = without_secrets(&chain(failure));
-    let error = Error::io(name, &io::Error::new(kind, text));
+    let error = Error::io(name, &io::Error::new(kind, without_secrets(&text)));
     help.map_or(error.clone(), |help| error.help(help))
+}
+
+/// Whether the store denied a request because of its credentials.
+pub fn is_denied(failure: &Failure) -> bool {
+    denial(failure, &chain(failure)).is_some()
+}
+
+/// The remedy for a request that was denied because of its credentials.
+fn denial(failure: &Failure, text: &str) -> Option<&'static str> {
+    let codes = ["ExpiredToken", "InvalidAccessKeyId", "SignatureDoesNotMatch", "InvalidToken"];
+    match failure {
+        _ if codes.iter().any(|code| text.contains(code)) => Some(UNKNOWN),
+        Failure::Unauthenticated { .. } => Some(UNKNOWN),
+        Failure::PermissionDenied { .. } => Some(DENIED),
+        // So S3 answers a request for a head with expired credentials.
+        _ if text.contains("400 Bad Request") && !text.contains("<Code>") => Some(DENIED),
+        _ if text.contains("169.254.169.254") => Some(NONE),
+        _ => None,
+    }
 }
 
 /// Whether the connection broke off within an answer. The client sends a request again only if it got no answer at all.
@@ -54,11 +67,14 @@ pub fn io_error(failure: &Failure) -> io::Error {
     io::Error::new(kind, without_secrets(&chain(failure)))
 }
 
-const DENIED: &str = "these credentials may not do this: check the rights of the user, the role or the key";
+// An answer without a body does not tell why it denies a request.
+const DENIED: &str = "these credentials may not do this, or are wrong, or have expired: check the rights of the user, the role \
+                      or the key, or get new ones, then run the same command, which goes on";
 const UNKNOWN: &str =
     "the credentials are wrong or have expired: get new ones, then run the same command, which goes on";
 const NONE: &str = "no credentials were found: set the variables of the store, as the chapter on object stores shows";
-const OFFLINE: &str = "the request was sent again for some minutes: check the network and the name of the bucket, then run the \
+const NOWHERE: &str = "check the name of the bucket, the region and the endpoint";
+const OFFLINE: &str = "the request failed several times: check the network, the endpoint and the name of the bucket, then run the \
                        same command, which goes on";
 
 /// The innermost cause, which has the answer of the server or the network.
@@ -107,6 +123,24 @@ fn element<'t>(text: &'t str, name: &str) -> Option<&'t str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn codes_of_answers_tell_the_remedy() {
+        let answer = |code: &str| format!("status code: 403: <Error><Code>{code}</Code></Error>").into();
+        for (failure, help) in [
+            (Failure::PermissionDenied { path: "x".into(), source: answer("ExpiredToken") }, UNKNOWN),
+            (Failure::PermissionDenied { path: "x".into(), source: answer("InvalidAccessKeyId") }, UNKNOWN),
+            (Failure::PermissionDenied { path: "x".into(), source: answer("AccessDenied") }, DENIED),
+            (Failure::Generic { store: "S3", source: answer("ExpiredToken") }, UNKNOWN),
+            (Failure::Generic { store: "S3", source: "status code: 400 Bad Request: ".into() }, DENIED),
+            (Failure::Generic { store: "S3", source: answer("NoSuchBucket") }, NOWHERE),
+            (Failure::NotFound { path: "x".into(), source: answer("NoSuchBucket") }, NOWHERE),
+            (Failure::Generic { store: "S3", source: answer("InternalError") }, OFFLINE),
+        ] {
+            let error = error("s3://b/x", &failure).to_string();
+            assert!(error.contains(help), "{failure:?}: {error}");
+        }
+    }
 
     #[test]
     fn answers_are_repeated_without_keys_and_signatures() {

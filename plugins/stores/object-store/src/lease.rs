@@ -10,6 +10,7 @@
 //! An owner that could not renew its lease writes nothing until it has renewed it, or fails if another program has taken
 //! it over.
 
+use crate::failure;
 use crate::objects::Bucket;
 use object_store::path::Path as Key;
 use object_store::{PutMode, UpdateVersion};
@@ -58,6 +59,8 @@ struct Renewed {
     at: Instant,
     /// Another program has taken the lease over.
     is_lost: bool,
+    /// Why the store refused the last renewal.
+    refused: Option<Error>,
     /// The owner gives the lease up.
     ends: bool,
 }
@@ -74,6 +77,9 @@ impl Locks {
             let mut lease = state.lease.lock();
             let end = Instant::now() + self.times.lasts * PATIENCE;
             while !lease.is_lost && lease.at.elapsed() > self.times.lasts {
+                if let Some(error) = &lease.refused {
+                    return Err(error.clone());
+                }
                 if state.changed.wait_until(&mut lease, end).timed_out() {
                     let error = Error::io("the lock", &std::io::ErrorKind::TimedOut.into());
                     return Err(error.help("the store does not answer: check the network, then run the same command"));
@@ -157,7 +163,7 @@ impl Lease {
 
     fn held(bucket: &Arc<Bucket>, key: &Key, owner: u64, version: UpdateVersion) -> Self {
         let locks = bucket.locks();
-        let lease = Mutex::new(Renewed { at: Instant::now(), is_lost: false, ends: false });
+        let lease = Mutex::new(Renewed { at: Instant::now(), is_lost: false, refused: None, ends: false });
         let state = Arc::new(State { lease, changed: Condvar::new() });
         locks.held.lock().push(Arc::clone(&state));
         let renews = {
@@ -201,7 +207,8 @@ fn renew(bucket: &Bucket, key: &Key, owner: u64, mut version: UpdateVersion, sta
         match bucket.put_if(key, text(owner, number).as_bytes(), PutMode::Update(version.clone())) {
             Ok(Some(next)) => {
                 version = next;
-                state.lease.lock().at = at;
+                let mut lease = state.lease.lock();
+                (lease.at, lease.refused) = (at, None);
             }
             Ok(None) => {
                 // An earlier renewal whose answer was lost is one of this owner.
@@ -216,7 +223,11 @@ fn renew(bucket: &Bucket, key: &Key, owner: u64, mut version: UpdateVersion, sta
                 }
             }
             // The next renewal may succeed.
-            Err(_) => {}
+            Err(failure) => {
+                let refused =
+                    failure::is_denied(&failure).then(|| failure::error(bucket.name_of(key.as_ref()), &failure));
+                state.lease.lock().refused = refused;
+            }
         }
         state.changed.notify_all();
     }

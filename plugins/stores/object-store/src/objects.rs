@@ -46,7 +46,7 @@ impl Objects {
 }
 
 impl Bucket {
-    fn name_of(&self, path: &str) -> PathBuf {
+    pub fn name_of(&self, path: &str) -> PathBuf {
         PathBuf::from(if path.is_empty() { self.name.clone() } else { format!("{}/{path}", self.name) })
     }
 

@@ -139,18 +139,35 @@ fn a_lost_answer_changes_no_outcome() {
     }
 }
 
+#[test]
+fn a_run_whose_credentials_have_expired_waits_for_no_renewal() {
+    let store = Flaky { inner: InMemory::new(), lost: Lost::Rights, puts: AtomicU32::new(0) };
+    let files = folder(Arc::new(store));
+    let _held = files.lock(&path("lock"), Access::Write).expect("free").expect("free");
+    files.write(&path("a"), b"a").expect("it is held");
+    thread::sleep(TIMES.lasts * 2);
+    let start = Instant::now();
+    let error = files.write(&path("a"), b"a").expect_err("not renewed").to_string();
+    assert!(error.contains("test://bucket/lock") && error.contains("get new ones"), "{error}");
+    assert!(start.elapsed() < TIMES.lasts, "{:?}", start.elapsed());
+}
+
 fn requests() -> tokio::runtime::Runtime {
     tokio::runtime::Builder::new_current_thread().build().expect("starts")
 }
 
-/// The part of a request that a network loses.
+/// What is lost of uploads on a condition.
 #[derive(Debug, Clone, Copy)]
 enum Lost {
+    /// Every other one, before it reaches the store.
     Request,
+    /// Every other one, after it reached the store.
     Answer,
+    /// All but the first one: the store denies them.
+    Rights,
 }
 
-/// A store in which every other upload on a condition fails.
+/// A store in which uploads on a condition fail.
 #[derive(Debug)]
 struct Flaky {
     inner: InMemory,
@@ -168,11 +185,18 @@ impl fmt::Display for Flaky {
 impl ObjectStore for Flaky {
     async fn put_opts(&self, key: &Key, payload: PutPayload, options: PutOptions) -> Answer<PutResult> {
         let is_plain = matches!(options.mode, PutMode::Overwrite);
-        if is_plain || self.puts.fetch_add(1, Ordering::Relaxed) % 2 == 1 {
+        let number = if is_plain { 0 } else { self.puts.fetch_add(1, Ordering::Relaxed) };
+        let fails = match self.lost {
+            Lost::Request | Lost::Answer => number % 2 == 0,
+            Lost::Rights => number > 0,
+        };
+        if is_plain || !fails {
             return self.inner.put_opts(key, payload, options).await;
         }
-        if let Lost::Answer = self.lost {
-            self.inner.put_opts(key, payload, options).await?;
+        match self.lost {
+            Lost::Request => {}
+            Lost::Answer => drop(self.inner.put_opts(key, payload, options).await?),
+            Lost::Rights => return Err(Failure::PermissionDenied { path: key.to_string(), source: "403".into() }),
         }
         Err(Failure::Generic { store: "flaky", source: "the connection was closed".into() })
     }
