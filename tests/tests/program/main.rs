@@ -25,6 +25,7 @@ mod labels;
 mod memory;
 mod mixture;
 mod mutations;
+mod object_stores;
 mod preview;
 mod programs;
 mod recipes;

@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "each test file uses a part")]
 
 pub mod browser;
+pub mod bucket;
 pub mod gallery;
 pub mod language_server;
 pub mod samples;
