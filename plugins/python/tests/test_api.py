@@ -246,7 +246,6 @@ def test_workers_share_a_dataset(tmp_path):
     assert files(out) == files(tmp_path / "whole") and st.verify(out).whole
 
 
-
 def test_a_pickled_sample_knows_its_folder(dataset, tmp_path, monkeypatch):
     monkeypatch.chdir(dataset.path)
     near = st.open(".")

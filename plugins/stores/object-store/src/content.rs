@@ -42,14 +42,11 @@ impl ObjectContent {
     /// Gets the bytes at the next read.
     fn fetch(&mut self) -> object_store::Result<()> {
         if let Some((at, mut answer)) = self.answer.take().filter(|(at, _)| *at == self.at) {
-            match wait(answer.next()) {
-                Some(Ok(bytes)) => {
-                    self.answer = Some((at + bytes.len() as u64, answer));
-                    self.chunk = (at, bytes);
-                    return Ok(());
-                }
-                // The connection ended early. Another request gets the rest.
-                Some(Err(_)) | None => {}
+            // A connection that ended early is not the end: another request gets the rest.
+            if let Some(Ok(bytes)) = wait(answer.next()) {
+                self.answer = Some((at + bytes.len() as u64, answer));
+                self.chunk = (at, bytes);
+                return Ok(());
             }
         }
         let range = GetRange::Bounded(self.at..self.size.min(self.at + RANGE));
