@@ -20,7 +20,7 @@ pub fn check_store(new: impl Fn() -> StoreFolder) {
     folders_come_and_go(&new());
 }
 
-/// A worker removes the last file of a folder while another one writes the next.
+/// A worker removes the last file of a folder while a second worker writes the next.
 fn folders_come_and_go(store: &StoreFolder) {
     let work = |worker: u32| {
         let own = path(&format!("claims/{worker}"));

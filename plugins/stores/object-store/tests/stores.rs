@@ -156,7 +156,7 @@ fn requests() -> tokio::runtime::Runtime {
     tokio::runtime::Builder::new_current_thread().build().expect("starts")
 }
 
-/// What is lost of uploads on a condition.
+/// The loss of uploads on a condition.
 #[derive(Debug, Clone, Copy)]
 enum Lost {
     /// Every other one, before it reaches the store.

@@ -74,7 +74,7 @@ impl Bucket {
         Self { folder, network, address, server: Some(server) }
     }
 
-    /// A folder for what is local.
+    /// A folder of this machine.
     pub fn local(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -98,7 +98,7 @@ impl Bucket {
         self.reach(small_run(Path::new(&url(folder)), more), &NEW)
     }
 
-    /// What the server keeps, for a test to look at and to damage.
+    /// The file of an object on the server, for a test to look at and to damage.
     pub fn stored(&self, path: &str) -> PathBuf {
         self.network.root.join(BUCKET).join(path)
     }
@@ -199,7 +199,7 @@ async fn serve(root: &Path) -> SocketAddr {
     address
 }
 
-/// What happens to a request.
+/// The fate of a request.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fault {
     Delay(Duration),
