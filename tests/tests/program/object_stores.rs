@@ -120,10 +120,8 @@ fn workers_share_a_dataset_in_a_bucket() {
         let mut worker = bucket.run("mine", &[&scenes[..], &["--claim", "1", "--threads", "1"]].concat());
         worker.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts")
     };
-    let mut workers = vec![worker()];
-    until("the first worker has written the recipe", || bucket.stored("mine/recipe.toml").exists());
     bucket.disturb(9, 60);
-    workers.extend([worker(), worker()]);
+    let workers = [worker(), worker(), worker()];
     for worker in workers {
         let output = worker.wait_with_output().expect("waits");
         assert!(output.status.success(), "{}", text(&output));

@@ -9,7 +9,7 @@
 //! | `requests.rs`, `failure.rs` | requests of threads that wait for them; errors without secrets |
 //!
 //! An object store has no folders: a folder exists if a key begins with its path and `/`. A file is one object. Requests
-//! that fail for a reason of the network or the server are sent again, with growing pauses, for up to three minutes.
+//! that fail for a reason of the network or the server are sent again up to ten times, with growing pauses.
 
 mod connection;
 mod content;

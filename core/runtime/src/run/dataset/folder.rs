@@ -71,8 +71,8 @@ impl Folder {
     /// Opens a folder as [`open`](Self::open) does; none if another run works there.
     pub fn open_if_free(dataset: &StoreFolder) -> Result<Option<Self>> {
         dataset.prepare()?;
-        // Locking reports errors about links.
-        if !layout::is_dataset(dataset)? && !dataset.list("")?.is_empty() {
+        // Locking reports errors about links. Another worker may begin the dataset after the list.
+        if !dataset.list("")?.is_empty() && !layout::is_dataset(dataset)? {
             return Err(Error::new("the folder is not empty and has no dataset")
                 .in_file(dataset.name())
                 .help("choose another folder; no file was changed"));
