@@ -254,7 +254,7 @@ fn a_run_goes_on_with_new_credentials() {
 }
 
 #[test]
-fn what_is_wrong_with_a_bucket_is_told_soon() {
+fn wrong_buckets_and_credentials_fail_soon_with_a_remedy() {
     let bucket = Bucket::start();
     let reach = |key: &Key| bucket.reach(small_run(Path::new(&url("mine")), &[]), key);
     let elsewhere = bucket.reach(small_run(Path::new("s3://lob/mine"), &[]), &NEW);
