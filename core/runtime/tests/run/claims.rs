@@ -13,7 +13,7 @@ use syntable_model::random::Stream;
 use syntable_model::store::{MemStore, StoreFolder};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::Quiet;
-use syntable_runtime::run::{ClaimOptions, RunOptions, verify};
+use syntable_runtime::run::{ClaimOptions, RunOptions, status, verify};
 use syntable_testing::folder::{files, files_of_store as files_of};
 
 type Files = BTreeMap<String, Vec<u8>>;
@@ -122,11 +122,17 @@ fn workers_exclude_runs_and_other_recipes() {
         }
         let error = run(&slow, &out, 1).expect_err("shared").to_string();
         assert!(error.contains("another run"), "{error}");
+        let error = verify(&out, 1).expect_err("shared").to_string();
+        assert!(error.contains("another run"), "{error}");
+        let state = &status(&[StoreFolder::from(&out)]).expect("a dataset").datasets[0];
+        assert!(state.running && !state.finished);
         let other = slow.replace("\"light\"", "\"track\"");
         let error = run_with(&other, options(&out, 1), &Quiet).expect_err("another recipe").to_string();
         assert!(error.contains("options.rewrite"), "{error}");
         assert_eq!(worker.join().expect("no panic").map(|outcome| outcome.scenes), Ok(4));
     });
+    let state = &status(&[StoreFolder::from(&out)]).expect("a dataset").datasets[0];
+    assert!(!state.running && state.finished && verify(&out, 1).expect("a dataset").whole());
     assert!(!out.join(".syntable/claims").exists() && !out.join(".syntable/journal").exists());
     assert!(
         fs::read_dir(out.join(".syntable")).expect("there").all(|entry| entry.expect("there").file_name() != "staging")

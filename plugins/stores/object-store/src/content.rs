@@ -1,8 +1,7 @@
 //! The content of an object, read by ranges.
 
 use crate::failure::io_error;
-use crate::objects::whole;
-use crate::requests::wait;
+use crate::requests::{wait, whole};
 use bytes::Bytes;
 use futures_util::StreamExt;
 use futures_util::stream::BoxStream;

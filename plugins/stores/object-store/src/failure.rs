@@ -38,6 +38,7 @@ fn denial(failure: &Failure, text: &str) -> Option<&'static str> {
         _ if codes.iter().any(|code| text.contains(code)) => Some(UNKNOWN),
         Failure::Unauthenticated { .. } => Some(UNKNOWN),
         Failure::PermissionDenied { .. } => Some(DENIED),
+        _ if text.contains("403 Forbidden") => Some(DENIED),
         // So S3 answers a request for a head with expired credentials.
         _ if text.contains("400 Bad Request") && !text.contains("<Code>") => Some(DENIED),
         _ if text.contains("169.254.169.254") => Some(NONE),

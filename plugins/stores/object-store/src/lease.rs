@@ -10,8 +10,9 @@
 //! An owner that could not renew its lease writes nothing until it has renewed it, or fails if another program has taken
 //! it over.
 
+use crate::bucket::Bucket;
 use crate::failure;
-use crate::objects::Bucket;
+use crate::requests::wait_at_most;
 use object_store::path::Path as Key;
 use object_store::{PutMode, UpdateVersion};
 use parking_lot::{Condvar, Mutex};
@@ -99,17 +100,18 @@ pub struct Lease {
     bucket: Arc<Bucket>,
     key: Key,
     owner: u64,
+    locks: Arc<Locks>,
     state: Arc<State>,
     renews: Option<JoinHandle<()>>,
 }
 
 impl Lease {
     /// Takes a lease; none if another program holds it or shares it. Waits until abandoned leases end.
-    pub fn take(bucket: &Arc<Bucket>, key: &Key) -> object_store::Result<Option<Self>> {
-        let Some(taken) = Self::take_one(bucket, key)? else { return Ok(None) };
+    pub fn take(bucket: &Arc<Bucket>, key: &Key, locks: &Arc<Locks>) -> object_store::Result<Option<Self>> {
+        let Some(taken) = Self::take_one(bucket, key, locks)? else { return Ok(None) };
         // A program that shares from now on finds the lease. Those that shared it before are found here.
         for share in bucket.keys_below(&shares(key))? {
-            if !Self::has_ended(bucket, &share)? {
+            if !Self::has_ended(bucket, &share, locks.times)? {
                 return Ok(None);
             }
         }
@@ -117,22 +119,22 @@ impl Lease {
     }
 
     /// Shares a lease; none if another program holds it alone.
-    pub fn share(bucket: &Arc<Bucket>, key: &Key) -> object_store::Result<Option<Self>> {
+    pub fn share(bucket: &Arc<Bucket>, key: &Key, locks: &Arc<Locks>) -> object_store::Result<Option<Self>> {
         let own = Key::from(format!("{}/{:016x}", shares(key), RandomState::new().build_hasher().finish()));
-        let Some(shared) = Self::take_one(bucket, &own)? else { return Ok(None) };
-        Ok(if Self::is_free(bucket, key)? { Some(shared) } else { None })
+        let Some(shared) = Self::take_one(bucket, &own, locks)? else { return Ok(None) };
+        Ok(if Self::is_free(bucket, key, locks.times)? { Some(shared) } else { None })
     }
 
     /// Whether no program holds a lease alone. Waits until an abandoned lease ends.
-    pub fn is_free(bucket: &Bucket, key: &Key) -> object_store::Result<bool> {
+    pub fn is_free(bucket: &Bucket, key: &Key, times: LeaseTimes) -> object_store::Result<bool> {
         let Some((present, _)) = bucket.get(key)? else { return Ok(true) };
-        Ok(!matches!(watch(bucket, key, &present)?, Watched::Renewed))
+        Ok(!matches!(watch(bucket, key, &present, times)?, Watched::Renewed))
     }
 
     /// Whether a share has ended. Deletes an abandoned one.
-    fn has_ended(bucket: &Bucket, share: &Key) -> object_store::Result<bool> {
+    fn has_ended(bucket: &Bucket, share: &Key, times: LeaseTimes) -> object_store::Result<bool> {
         let Some((present, _)) = bucket.get(share)? else { return Ok(true) };
-        match watch(bucket, share, &present)? {
+        match watch(bucket, share, &present, times)? {
             Watched::Renewed => return Ok(false),
             Watched::Gone => {}
             Watched::Ended => bucket.delete(share)?,
@@ -141,28 +143,27 @@ impl Lease {
     }
 
     /// Takes the lease of a key.
-    fn take_one(bucket: &Arc<Bucket>, key: &Key) -> object_store::Result<Option<Self>> {
+    fn take_one(bucket: &Arc<Bucket>, key: &Key, locks: &Arc<Locks>) -> object_store::Result<Option<Self>> {
         let owner = RandomState::new().build_hasher().finish();
         loop {
             let Some((present, version)) = bucket.get(key)? else {
                 match bucket.put_if(key, text(owner, 0).as_bytes(), PutMode::Create)? {
-                    Some(version) => return Ok(Some(Self::held(bucket, key, owner, version))),
+                    Some(version) => return Ok(Some(Self::held(bucket, key, owner, (version, locks)))),
                     None => continue,
                 }
             };
-            match watch(bucket, key, &present)? {
+            match watch(bucket, key, &present, locks.times)? {
                 Watched::Renewed => return Ok(None),
                 Watched::Gone => {}
                 Watched::Ended => {
                     let taken = bucket.put_if(key, text(owner, 0).as_bytes(), PutMode::Update(version))?;
-                    return Ok(taken.map(|version| Self::held(bucket, key, owner, version)));
+                    return Ok(taken.map(|version| Self::held(bucket, key, owner, (version, locks))));
                 }
             }
         }
     }
 
-    fn held(bucket: &Arc<Bucket>, key: &Key, owner: u64, version: UpdateVersion) -> Self {
-        let locks = bucket.locks();
+    fn held(bucket: &Arc<Bucket>, key: &Key, owner: u64, (version, locks): (UpdateVersion, &Arc<Locks>)) -> Self {
         let lease = Mutex::new(Renewed { at: Instant::now(), is_lost: false, refused: None, ends: false });
         let state = Arc::new(State { lease, changed: Condvar::new() });
         locks.held.lock().push(Arc::clone(&state));
@@ -170,7 +171,8 @@ impl Lease {
             let (bucket, key, state, times) = (Arc::clone(bucket), key.clone(), Arc::clone(&state), locks.times);
             thread::spawn(move || renew(&bucket, &key, owner, version, &state, times))
         };
-        Self { bucket: Arc::clone(bucket), key: key.clone(), owner, state, renews: Some(renews) }
+        let (bucket, key, locks) = (Arc::clone(bucket), key.clone(), Arc::clone(locks));
+        Self { bucket, key, owner, locks, state, renews: Some(renews) }
     }
 }
 
@@ -181,7 +183,7 @@ impl Drop for Lease {
         if let Some(renews) = self.renews.take() {
             let _ = renews.join();
         }
-        self.bucket.locks().held.lock().retain(|state| !Arc::ptr_eq(state, &self.state));
+        self.locks.held.lock().retain(|state| !Arc::ptr_eq(state, &self.state));
         // A lease that cannot be deleted ends without renewals.
         if let Ok(Some((present, _))) = self.bucket.get(&self.key)
             && present.starts_with(text_of(self.owner).as_bytes())
@@ -204,7 +206,7 @@ fn renew(bucket: &Bucket, key: &Key, owner: u64, mut version: UpdateVersion, sta
         }
         // The time of the request counts, not of the answer: others see the renewal at the earliest then.
         let at = Instant::now();
-        match bucket.put_if(key, text(owner, number).as_bytes(), PutMode::Update(version.clone())) {
+        match bucket.renew(key, text(owner, number).as_bytes(), version.clone(), times.renewal) {
             Ok(Some(next)) => {
                 version = next;
                 let mut lease = state.lease.lock();
@@ -212,14 +214,14 @@ fn renew(bucket: &Bucket, key: &Key, owner: u64, mut version: UpdateVersion, sta
             }
             Ok(None) => {
                 // An earlier renewal whose answer was lost is one of this owner.
-                match bucket.get(key) {
-                    Ok(Some((present, now))) if present.starts_with(text_of(owner).as_bytes()) => version = now,
-                    Ok(_) => {
+                match wait_at_most(times.renewal, bucket.getting(key)) {
+                    Some(Ok(Some((present, now)))) if present.starts_with(text_of(owner).as_bytes()) => version = now,
+                    Some(Ok(_)) => {
                         state.lease.lock().is_lost = true;
                         state.changed.notify_all();
                         return;
                     }
-                    Err(_) => {}
+                    Some(Err(_)) | None => {}
                 }
             }
             // The next renewal may succeed.
@@ -256,8 +258,7 @@ fn shares(key: &Key) -> Key {
     Key::from(format!("{key}.shares"))
 }
 
-fn watch(bucket: &Bucket, key: &Key, present: &[u8]) -> object_store::Result<Watched> {
-    let times = bucket.locks().times;
+fn watch(bucket: &Bucket, key: &Key, present: &[u8], times: LeaseTimes) -> object_store::Result<Watched> {
     let start = Instant::now();
     while start.elapsed() < times.lasts {
         thread::sleep(times.lasts / LOOKS);

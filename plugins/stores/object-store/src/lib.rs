@@ -3,7 +3,7 @@
 //! | file | does |
 //! |---|---|
 //! | `connection.rs`, `profile.rs` | the client of a URL, with credentials from the environment or from the files of `aws` |
-//! | `objects.rs` | the [`Store`](syntable_model::store::Store) |
+//! | `bucket.rs`, `objects.rs` | requests for objects; the [`Store`](syntable_model::store::Store) made of them |
 //! | `content.rs`, `spool.rs` | files that are read by ranges; files that are uploaded when they are complete |
 //! | `lease.rs` | locks that end when their owner no longer renews them |
 //! | `requests.rs`, `failure.rs` | requests of threads that wait for them; errors without secrets |
@@ -11,6 +11,7 @@
 //! An object store has no folders: a folder exists if a key begins with its path and `/`. A file is one object. Requests
 //! that fail for a reason of the network or the server are sent again up to ten times, with growing pauses.
 
+mod bucket;
 mod connection;
 mod content;
 mod failure;

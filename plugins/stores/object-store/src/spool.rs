@@ -1,11 +1,6 @@
 //! Files that are uploaded when they are complete.
 
-use crate::objects::Bucket;
-use object_store::path::Path as Key;
 use std::io::{self, Read, Seek, Write};
-use std::sync::Arc;
-use syntable_model::error::Result;
-use syntable_model::files::DatasetPath;
 use tempfile::SpooledTempFile;
 
 /// Size up to which a file waits in memory, and is uploaded with one request, bytes.
@@ -41,6 +36,13 @@ impl Spool {
     }
 }
 
+impl Spool {
+    /// Makes the next write go on at the end.
+    pub fn go_on(&mut self) {
+        let _ = self.0.seek(io::SeekFrom::End(0));
+    }
+}
+
 impl Write for Spool {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0.write(bytes)
@@ -48,43 +50,5 @@ impl Write for Spool {
 
     fn flush(&mut self) -> io::Result<()> {
         self.0.flush()
-    }
-}
-
-/// A file that is uploaded at each flush, and when it is dropped.
-pub struct NewObject {
-    pub bucket: Arc<Bucket>,
-    pub path: DatasetPath,
-    pub key: Key,
-    pub spool: Spool,
-    pub is_changed: bool,
-}
-
-impl NewObject {
-    fn upload(&mut self) -> Result<()> {
-        if std::mem::take(&mut self.is_changed) {
-            self.bucket.upload(&self.path, &self.key, &mut self.spool)?;
-            // The next write goes on at the end.
-            let _ = self.spool.0.seek(io::SeekFrom::End(0));
-        }
-        Ok(())
-    }
-}
-
-impl Write for NewObject {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.is_changed = true;
-        self.spool.write(bytes)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.upload().map_err(|error| io::Error::other(error.message().to_owned()))
-    }
-}
-
-impl Drop for NewObject {
-    fn drop(&mut self) {
-        // A flush reports errors.
-        let _ = self.upload();
     }
 }

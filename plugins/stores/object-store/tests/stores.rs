@@ -140,6 +140,21 @@ fn a_lost_answer_changes_no_outcome() {
 }
 
 #[test]
+fn a_renewal_that_hangs_loses_no_lease() {
+    let store = Flaky { inner: InMemory::new(), lost: Lost::Time, puts: AtomicU32::new(0) };
+    let files = folder(Arc::new(store));
+    let held = files.lock(&path("lock"), Access::Write).expect("free").expect("free");
+    for _ in 0..20 {
+        thread::sleep(TIMES.lasts / 5);
+        let start = Instant::now();
+        files.write(&path("a"), b"a").expect("it is held");
+        assert!(start.elapsed() < TIMES.lasts, "{:?}", start.elapsed());
+    }
+    drop(held);
+    assert!(!files.has(&path("lock")).expect("readable"));
+}
+
+#[test]
 fn a_run_whose_credentials_have_expired_waits_for_no_renewal() {
     let store = Flaky { inner: InMemory::new(), lost: Lost::Rights, puts: AtomicU32::new(0) };
     let files = folder(Arc::new(store));
@@ -165,6 +180,8 @@ enum Lost {
     Answer,
     /// All but the first one: the store denies them.
     Rights,
+    /// Every third one takes far too long, and has an effect.
+    Time,
 }
 
 /// A store in which uploads on a condition fail.
@@ -189,6 +206,7 @@ impl ObjectStore for Flaky {
         let fails = match self.lost {
             Lost::Request | Lost::Answer => number % 2 == 0,
             Lost::Rights => number > 0,
+            Lost::Time => number % 3 == 2,
         };
         if is_plain || !fails {
             return self.inner.put_opts(key, payload, options).await;
@@ -196,6 +214,10 @@ impl ObjectStore for Flaky {
         match self.lost {
             Lost::Request => {}
             Lost::Answer => drop(self.inner.put_opts(key, payload, options).await?),
+            Lost::Time => {
+                drop(self.inner.put_opts(key, payload, options).await?);
+                tokio::time::sleep(TIMES.lasts * 20).await;
+            }
             Lost::Rights => return Err(Failure::PermissionDenied { path: key.to_string(), source: "403".into() }),
         }
         Err(Failure::Generic { store: "flaky", source: "the connection was closed".into() })

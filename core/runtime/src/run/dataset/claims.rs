@@ -13,7 +13,7 @@ use parking_lot::{Condvar, Mutex};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 use syntable_model::error::Result;
 use syntable_model::store::StoreFolder;
 
@@ -245,6 +245,21 @@ impl Shared {
             }
         }
     }
+}
+
+/// Time after which a claim that no worker has renewed says nothing about workers. The time of a lease is not known here.
+const STALE: Duration = Duration::from_secs(180);
+
+/// Whether workers have claims on a dataset, by the clocks of this machine and of the store.
+pub fn are_renewed(dataset: &StoreFolder) -> Result<bool> {
+    for (name, _) in dataset.list(&layout::claims())? {
+        let found = dataset.look(&format!("{}/{name}", layout::claims()))?;
+        let age = found.and_then(|found| SystemTime::now().duration_since(found.modified?).ok());
+        if age.is_some_and(|age| age < STALE) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 /// The newest generation of each claim.

@@ -27,7 +27,7 @@ use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout::{self, MARK, RECIPE, SHARDS};
 use crate::run::dataset::locking::{busy, lock, try_lock};
 use crate::run::dataset::manifest::{FileState, Manifest};
-use crate::run::dataset::staging::Staging;
+use crate::run::dataset::staging_area::Staging;
 use crate::run::shard::Shard;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};

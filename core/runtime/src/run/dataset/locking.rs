@@ -1,5 +1,6 @@
 //! Locks of datasets for writers and readers.
 
+use crate::run::dataset::claims;
 use crate::run::dataset::foreign;
 use crate::run::dataset::layout;
 use std::thread;
@@ -31,16 +32,18 @@ pub fn try_lock(dataset: &StoreFolder, access: Access) -> Result<Option<Hold>> {
             thread::sleep(GLANCE);
         }
         if let Some(hold) = dataset.lock(&layout::lock(), access)? {
-            return Ok(Some(hold));
+            // Workers that share the dataset admit readers, who would see half of it.
+            let is_taken = access == Access::Read && claims::are_renewed(dataset)?;
+            return Ok(Some(hold).filter(|_| !is_taken));
         }
     }
     Ok(None)
 }
 
-/// Whether a run is writing a dataset now.
+/// Whether a run is writing a dataset now, or workers are.
 pub fn is_busy(dataset: &StoreFolder) -> Result<bool> {
     foreign::check_mark(dataset)?;
-    Ok(dataset.lock(&layout::lock(), Access::Read)?.is_none())
+    Ok(dataset.lock(&layout::lock(), Access::Read)?.is_none() || claims::are_renewed(dataset)?)
 }
 
 /// [`is_busy`] holds the lock for a moment, in which no run can take it.

@@ -18,6 +18,7 @@ mod recovery;
 mod requests;
 pub(crate) mod settled;
 mod staging;
+mod staging_area;
 #[cfg(test)]
 mod tests;
 pub(crate) mod verify;

@@ -2,13 +2,13 @@
 //! machine, they are in a temporary folder of this one, from which each file is uploaded once.
 
 use crate::run::dataset::folder::Folder;
+use crate::run::dataset::staging_area::Staging;
 use crate::run::dataset::{layout, requests};
 use std::io;
 use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
 use syntable_model::store::{Kind, StoreFolder};
-use tempfile::TempDir;
 
 /// Suffix of a staged scene whose files are moving into place.
 pub(super) const READY: &str = ".ready";
@@ -27,40 +27,6 @@ pub(super) fn ready(scene: u32) -> String {
 pub(super) const FINISH: &str = "finish";
 /// Name of the folder for a rehearsal of the end of a run.
 const TRIAL: &str = "trial";
-
-/// Where unfinished files are.
-pub(super) enum Staging {
-    /// In the dataset.
-    Inside,
-    /// In a folder of the dataset that one of several workers has for itself.
-    Worker(DatasetPath),
-    /// In a temporary folder of this machine.
-    Here {
-        files: StoreFolder,
-        /// Removes the folder.
-        _folder: TempDir,
-    },
-}
-
-impl Staging {
-    /// A place for the unfinished files of a dataset that the caller alone writes.
-    pub fn of(dataset: &StoreFolder) -> Result<Self> {
-        if dataset.is_remote() { Self::here() } else { Ok(Self::Inside) }
-    }
-
-    /// A place for the unfinished files of one of several workers.
-    pub fn of_worker(dataset: &StoreFolder, worker: &str) -> Result<Self> {
-        if dataset.is_remote() { Self::here() } else { Ok(Self::Worker(layout::staged(&format!("w-{worker}")))) }
-    }
-
-    fn here() -> Result<Self> {
-        let fail = |error: io::Error| {
-            Error::io(std::env::temp_dir(), &error).help("scenes are made there before they are uploaded: set TMPDIR")
-        };
-        let folder = tempfile::Builder::new().prefix("syntable-").tempdir().map_err(fail)?;
-        Ok(Self::Here { files: folder.path().into(), _folder: folder })
-    }
-}
 
 impl Folder {
     /// An empty folder for a scene.
