@@ -7,9 +7,10 @@ use object_store::{
     CopyOptions, Error as Failure, GetOptions, GetResult, ListResult, MultipartUpload, ObjectMeta, ObjectStore,
     ObjectStoreExt, PutMode, PutMultipartOptions, PutOptions, PutPayload, PutResult, Result as Answer,
 };
+use parking_lot::Mutex;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 use syntable_model::files::DatasetPath;
@@ -119,7 +120,7 @@ fn a_run_that_lost_its_lease_writes_nothing() {
 #[test]
 fn a_lost_answer_changes_no_outcome() {
     for lost in [Lost::Request, Lost::Answer] {
-        let flaky = || Arc::new(Flaky { inner: InMemory::new(), lost, puts: AtomicU32::new(0) });
+        let flaky = || Arc::new(Flaky { inner: InMemory::new(), lost, puts: Mutex::default() });
         check_store(|| folder(flaky()));
         let store = flaky();
         let files = folder(Arc::clone(&store) as _);
@@ -134,14 +135,14 @@ fn a_lost_answer_changes_no_outcome() {
         let held = files.lock(&path("lock"), Access::Write).expect("free").expect("free");
         thread::sleep(TIMES.lasts);
         files.write(&path("b"), b"b").expect("it is still held");
-        assert!(store.puts.load(Ordering::Relaxed) > 20);
+        assert!(store.puts.lock().values().sum::<u32>() > 20);
         drop(held);
     }
 }
 
 #[test]
 fn a_renewal_that_hangs_loses_no_lease() {
-    let store = Flaky { inner: InMemory::new(), lost: Lost::Time, puts: AtomicU32::new(0) };
+    let store = Flaky { inner: InMemory::new(), lost: Lost::Time, puts: Mutex::default() };
     let files = folder(Arc::new(store));
     let held = files.lock(&path("lock"), Access::Write).expect("free").expect("free");
     for _ in 0..20 {
@@ -156,7 +157,7 @@ fn a_renewal_that_hangs_loses_no_lease() {
 
 #[test]
 fn a_run_whose_credentials_have_expired_waits_for_no_renewal() {
-    let store = Flaky { inner: InMemory::new(), lost: Lost::Rights, puts: AtomicU32::new(0) };
+    let store = Flaky { inner: InMemory::new(), lost: Lost::Rights, puts: Mutex::default() };
     let files = folder(Arc::new(store));
     let _held = files.lock(&path("lock"), Access::Write).expect("free").expect("free");
     files.write(&path("a"), b"a").expect("it is held");
@@ -189,7 +190,8 @@ enum Lost {
 struct Flaky {
     inner: InMemory,
     lost: Lost,
-    puts: AtomicU32,
+    /// Uploads on a condition so far, by key: a request that is sent again must not fail by the turn of another key.
+    puts: Mutex<BTreeMap<Key, u32>>,
 }
 
 impl fmt::Display for Flaky {
@@ -202,7 +204,12 @@ impl fmt::Display for Flaky {
 impl ObjectStore for Flaky {
     async fn put_opts(&self, key: &Key, payload: PutPayload, options: PutOptions) -> Answer<PutResult> {
         let is_plain = matches!(options.mode, PutMode::Overwrite);
-        let number = if is_plain { 0 } else { self.puts.fetch_add(1, Ordering::Relaxed) };
+        let number = {
+            let mut puts = self.puts.lock();
+            let count = puts.entry(key.clone()).or_default();
+            *count += u32::from(!is_plain);
+            count.saturating_sub(1)
+        };
         let fails = match self.lost {
             Lost::Request | Lost::Answer => number % 2 == 0,
             Lost::Rights => number > 0,
