@@ -37,8 +37,8 @@ pub(crate) struct MergeArgs {
 }
 
 pub(crate) fn merge(console: &Console, registry: &Registry, args: &MergeArgs) -> Result<(), Exit> {
-    let out = StoreFolder::at(&args.out).map_err(Exit::wrong)?;
-    let parts = args.parts.iter().map(StoreFolder::at).collect::<Result<Vec<_>, _>>().map_err(Exit::wrong)?;
+    let out = StoreFolder::at(&args.out).map_err(Exit::stopped)?;
+    let parts = args.parts.iter().map(StoreFolder::at).collect::<Result<Vec<_>, _>>().map_err(Exit::stopped)?;
     if !args.extend {
         is_no_part(&out, &parts)?;
     }

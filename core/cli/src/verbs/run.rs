@@ -89,7 +89,7 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs, progra
         rewrite: args.rewrite,
         stop: stop.clone(),
         ..RunOptions::new(
-            StoreFolder::at(&out).map_err(Exit::wrong)?,
+            StoreFolder::at(&out).map_err(Exit::stopped)?,
             args.threads.map_or_else(workers::available, usize::from),
             DiskCache::of_user(),
         )

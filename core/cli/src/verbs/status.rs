@@ -23,7 +23,7 @@ pub(crate) struct StatusArgs {
 }
 
 pub(crate) fn status(console: &Console, args: &StatusArgs) -> Result<(), Exit> {
-    let named = args.datasets.iter().map(StoreFolder::at).collect::<Result<Vec<_>, _>>().map_err(Exit::wrong)?;
+    let named = args.datasets.iter().map(StoreFolder::at).collect::<Result<Vec<_>, _>>().map_err(Exit::stopped)?;
     let found = run::status(&named).map_err(Exit::stopped)?;
     if args.json {
         let text =

@@ -17,7 +17,7 @@ pub(crate) struct VerifyArgs {
 }
 
 pub(crate) fn verify(console: &Console, args: &VerifyArgs) -> Result<(), Exit> {
-    let dataset = StoreFolder::at(&args.dataset).map_err(Exit::wrong)?;
+    let dataset = StoreFolder::at(&args.dataset).map_err(Exit::stopped)?;
     let found = run::verify(dataset, workers::available()).map_err(Exit::stopped)?;
     let mut out = String::new();
     let lists = [

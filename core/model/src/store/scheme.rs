@@ -9,7 +9,7 @@ use std::path::Path;
 pub struct StoreScheme {
     /// The schemes, such as `s3`.
     pub schemes: &'static [&'static str],
-    /// Opens the folder that a URL names. Makes no request.
+    /// Opens the folder that a URL names. No request reads it.
     pub open: fn(&str) -> Result<StoreFolder>,
     /// Crate that registers them.
     pub crate_name: &'static str,
@@ -39,10 +39,11 @@ fn joined(path: &str) -> Option<&'static str> {
 }
 
 impl StoreFolder {
-    /// The folder at a path of this machine, or at a URL. It need not exist. Makes no request.
+    /// The folder at a path of this machine, or at a URL. It need not exist. No request reads it.
     ///
     /// # Errors
-    /// If no linked crate knows the scheme of the URL, or the URL is not valid.
+    /// If no linked crate knows the scheme of the URL, the URL is not valid, or credentials are missing. Errors of the
+    /// network are transient.
     pub fn at(name: impl AsRef<Path>) -> Result<Self> {
         let path = name.as_ref();
         if let Some(scheme) = path.to_str().and_then(joined) {
@@ -57,7 +58,7 @@ impl StoreFolder {
         if let Some(it) = known.iter().find(|it| it.schemes.contains(&scheme)) {
             // Joined paths have backslashes on Windows.
             let name = if cfg!(windows) { name.replace('\\', "/") } else { name.to_owned() };
-            return (it.open)(&name).map_err(Error::of_request);
+            return (it.open)(&name);
         }
         let error = Error::new(format!("`{name}`: URLs of the scheme `{scheme}` name no store")).of_request();
         if let Some((_, feature)) = STOCK.iter().find(|(schemes, _)| schemes.contains(&scheme)) {

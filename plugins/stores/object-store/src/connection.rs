@@ -42,13 +42,11 @@ pub fn open(url: &str) -> Result<StoreFolder> {
             .help(format!("write `{scheme}://bucket/folder`; credentials come from variables of the environment")));
     }
     let name = format!("{scheme}://{bucket}");
+    let folder = Some(folder.trim_end_matches('/')).filter(|folder| !folder.is_empty());
+    let folder = folder.map(DatasetPath::new).transpose();
+    let folder = folder.map_err(|error| Error::new(format!("`{url}`: {error}")))?;
     let whole = StoreFolder::new(objects(scheme, bucket, name)?);
-    let folder = folder.trim_end_matches('/');
-    if folder.is_empty() {
-        return Ok(whole);
-    }
-    let folder = DatasetPath::new(folder).map_err(|error| Error::new(format!("`{url}`: {error}")))?;
-    Ok(whole.inner(&folder))
+    Ok(folder.map_or_else(|| whole.clone(), |folder| whole.inner(&folder)))
 }
 
 fn objects(scheme: &str, bucket: &str, name: String) -> Result<Arc<Objects>> {
@@ -193,5 +191,8 @@ mod tests {
             let error = open(url).expect_err(url).to_string();
             assert!(error.contains("no valid name of a bucket") && !error.contains("secret"), "{error}");
         }
+        // Before credentials are looked for.
+        let error = open("s3://bucket/../x").expect_err("outside").to_string();
+        assert!(error.contains("`..` is a part of it"), "{error}");
     }
 }

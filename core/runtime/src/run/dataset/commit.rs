@@ -141,11 +141,16 @@ impl Folder {
                 self.remove_each(&stale)?;
             }
         } else {
-            self.files.write(&listed, both.text().0.as_bytes())?;
+            // A new scene has no files but these.
+            let is_new = own.files.is_empty();
+            let listing = if is_new { text.clone() } else { both.text().0 };
+            self.files.write(&listed, listing.as_bytes())?;
             self.remove_each(&stale)?;
             let owns = |path: &str| own.has(path) || adopted.contains(path) || path.starts_with(MARK);
             self.send_new(&part(scene), &new, owns)?;
-            self.files.write(&listed, text.as_bytes())?;
+            if !is_new {
+                self.files.write(&listed, text.as_bytes())?;
+            }
             journal.lock().append(entry.clone())?;
             self.abandon(scene)?;
         }
