@@ -59,7 +59,7 @@ pub(crate) fn merge(console: &Console, registry: &Registry, args: &MergeArgs) ->
 fn is_no_part(out: &StoreFolder, parts: &[StoreFolder]) -> Result<(), Exit> {
     // Unreadable journals are errors of the merge.
     let scenes = |dataset: &StoreFolder| -> BTreeSet<u32> {
-        Journal::entries_of(dataset).map(|entries| entries.into_keys().collect()).unwrap_or_default()
+        Journal::entries_of(dataset).map(|entries| entries.scenes().collect()).unwrap_or_default()
     };
     let datasets = parts.iter().flat_map(|part| run::datasets_in(part).unwrap_or_default());
     let of_parts: BTreeSet<u32> = datasets.flat_map(|dataset| scenes(&dataset)).collect();

@@ -120,13 +120,24 @@ pub struct Finish {
     id: String,
     scenes: Vec<SceneId>,
     reads: Vec<KeyId>,
+    open: Option<OpenFile>,
+}
+
+/// Opens a file of a scene.
+#[derive(Clone)]
+struct OpenFile(Arc<dyn Fn(SceneId, &DatasetPath) -> Result<StoredFile> + Send + Sync>);
+
+impl std::fmt::Debug for OpenFile {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("OpenFile")
+    }
 }
 
 impl Finish {
     /// The end of a run for the writer `id`: `scenes` are done, ascending. Files are written into the dataset, where they
     /// replace older ones. A path of this machine is a dataset, too.
     pub fn new(dataset: impl Into<StoreFolder>, id: impl Into<String>, scenes: Vec<SceneId>) -> Self {
-        Self { dataset: dataset.into(), staging: None, id: id.into(), scenes, reads: Vec::new() }
+        Self { dataset: dataset.into(), staging: None, id: id.into(), scenes, reads: Vec::new(), open: None }
     }
 
     /// The same with the keys of the products that the writer reads.
@@ -137,6 +148,11 @@ impl Finish {
     /// The same with a staging folder for the files of all writers, in which no path may be written twice.
     pub fn staged(self, staging: impl Into<StoreFolder>) -> Self {
         Self { staging: Some(staging.into()), ..self }
+    }
+
+    /// The same with shards that `open` opens, for example to compare them with digests.
+    pub fn opening(self, open: impl Fn(SceneId, &DatasetPath) -> Result<StoredFile> + Send + Sync + 'static) -> Self {
+        Self { open: Some(OpenFile(Arc::new(open))), ..self }
     }
 
     /// The writer's id in the recipe.
@@ -156,7 +172,12 @@ impl Finish {
 
     /// Opens the shard that this writer wrote for a scene.
     pub fn shard(&self, scene: SceneId) -> Result<BufReader<StoredFile>> {
-        self.open(&shard_path(&self.id, scene)?).map(BufReader::new)
+        let path = shard_path(&self.id, scene)?;
+        let opened = match &self.open {
+            Some(OpenFile(open)) => open(scene, &path).map_err(unreadable),
+            None => self.open(&path),
+        };
+        opened.map(BufReader::new)
     }
 
     /// Reads bytes that this writer stored for a scene with [`Output::write_shared`].

@@ -3,7 +3,7 @@
 use crate::paths::whole;
 use crate::run::dataset::folder::{Folder, catalog_path};
 use crate::run::dataset::foreign;
-use crate::run::dataset::journal::{Journal, JournalEntry};
+use crate::run::dataset::journal::{Entries, Journal, SceneLine};
 use crate::run::dataset::layout;
 use crate::run::dataset::manifest::Stamp;
 use crate::run::decisions::growth;
@@ -33,7 +33,7 @@ use syntable_recipe::{Lock, Overrides, Recipe, Source, lock_of, with_devices, wi
 struct MergePart {
     folder: Folder,
     shard: Option<Shard>,
-    entries: BTreeMap<u32, JournalEntry>,
+    entries: Entries,
     recipe: String,
 }
 
@@ -90,7 +90,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     // Parts that contradict each other leave the dataset as it was.
     let chosen = choose(&begun, &parts)?;
     if !partial {
-        let has = |scene: u32| begun.entries.contains_key(&scene);
+        let has = |scene: u32| begun.entries.contains(scene);
         all_shards(&parts, recipe.dataset.scenes, &has)?;
     }
     begun.folder.set_shard(None)?;
@@ -100,14 +100,16 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
         scenes: (begun.entries.len() + chosen.len()) as u32,
         views_per_scene: recipe.dataset.views_per_scene,
         resumed: begun.entries.len() as u32,
-        images: chosen.iter().map(|(entry, _)| u64::from(entry.views())).sum(),
+        images: chosen.iter().map(|(line, _)| u64::from(line.views())).sum(),
         threads: *threads,
     });
+    let mut journal = journal;
+    parts.iter().try_for_each(|part| journal.add_assets(part.entries.assets()))?;
     let (journal, pool) = (Mutex::new(journal), Pool::new(*threads)?);
     adopt_all(&begun.folder, &chosen, &journal, &pool, stop)?;
     catalogs(&begun.folder, &first.folder).map_err(stopping)?;
     let journal = journal.into_inner();
-    let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains_key(scene)).collect();
+    let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains(*scene)).collect();
     let told = BTreeSet::new();
     let outcome = finish::end(
         &recipe,
@@ -126,7 +128,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
         let help = "merge parts with these scenes into the same folder, or make the scenes with `syntable run`, the recipe and `options.out`";
         log.warn(&Error::new(message).help(help));
     }
-    let before: u32 = begun.entries.values().map(JournalEntry::views).sum();
+    let before: u32 = begun.entries.iter().map(|line| line.views()).sum();
     reporter.event(&Event::Finished {
         out: out.name().display().to_string(),
         scenes: outcome.scenes,
@@ -142,7 +144,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
 /// Copies scenes of parts into the dataset, several at once. After an error or a stop, the scenes in work still end.
 fn adopt_all(
     folder: &Folder,
-    chosen: &[(&JournalEntry, &MergePart)],
+    chosen: &[(SceneLine, &MergePart)],
     journal: &Mutex<Journal>,
     workers: &dyn Workers,
     stop: &Stop,
@@ -154,13 +156,13 @@ fn adopt_all(
         if stop.requested().is_some() || failure.lock().is_some() {
             return;
         }
-        let (entry, part) = chosen[index];
-        match folder.adopt(&part.folder, entry, journal) {
+        let (line, part) = chosen[index];
+        match folder.adopt(&part.folder, &line.entry(), journal) {
             Ok(()) => drop(done.fetch_add(1, Ordering::Relaxed)),
             Err(error) => {
                 let mut failure = failure.lock();
-                if failure.as_ref().is_none_or(|(scene, _)| entry.scene < *scene) {
-                    *failure = Some((entry.scene, error));
+                if failure.as_ref().is_none_or(|(scene, _)| line.scene < *scene) {
+                    *failure = Some((line.scene, error));
                 }
             }
         }
@@ -317,7 +319,7 @@ impl MergePart {
             .into_iter()
             .map(|(pool, lock)| (PartInput::Catalog(pool), format!("{} {}", lock.assets, lock.digest)));
         let files = files.into_iter().map(|(option, digest)| (PartInput::File(option), digest));
-        let drawn = self.entries.values().flat_map(|entry| entry.assets.clone());
+        let drawn = self.entries.assets().clone();
         let assets = assets.into_iter().chain(drawn).map(|(asset, digest)| (PartInput::Asset(asset), digest));
         catalogs.chain(files).chain(assets)
     }
@@ -374,24 +376,25 @@ fn devices<'p>(parts: impl Iterator<Item = &'p MergePart>, log: Option<&dyn Log>
 }
 
 /// The scenes that are not merged yet, each with a part that has it. All parts with a scene must agree on it.
-fn choose<'p>(begun: &'p MergePart, parts: &'p [MergePart]) -> Result<Vec<(&'p JournalEntry, &'p MergePart)>> {
-    let mut chosen: BTreeMap<u32, (&JournalEntry, &MergePart)> =
-        begun.entries.iter().map(|(&scene, entry)| (scene, (entry, begun))).collect();
+fn choose<'p>(begun: &'p MergePart, parts: &'p [MergePart]) -> Result<Vec<(SceneLine<'p>, &'p MergePart)>> {
+    let mut chosen: BTreeMap<u32, &MergePart> = begun.entries.scenes().map(|scene| (scene, begun)).collect();
+    let entry_of = |part: &MergePart, scene| part.entries.get(scene).map(|line| line.entry());
     for part in parts {
-        for (&scene, entry) in &part.entries {
+        for scene in part.entries.scenes() {
             match chosen.get(&scene) {
-                Some((other, whose)) if *other != entry => {
+                Some(whose) if entry_of(whose, scene) != entry_of(part, scene) => {
                     let [one, two] = [whose, part].map(|part| part.folder.name().display().to_string());
                     return Err(Error::new(format!("scene {scene} differs between {one} and {two}")).help(
                         "one of them is damaged or comes from another version; `syntable verify` compares the files of each",
                     ));
                 }
                 Some(_) => {}
-                None => drop(chosen.insert(scene, (entry, part))),
+                None => drop(chosen.insert(scene, part)),
             }
         }
     }
-    Ok(chosen.into_values().filter(|(_, part)| !std::ptr::eq(*part, begun)).collect())
+    let new = chosen.into_iter().filter(|(_, part)| !std::ptr::eq(*part, begun));
+    Ok(new.filter_map(|(scene, part)| Some((part.entries.get(scene)?, part))).collect())
 }
 
 fn catalogs(folder: &Folder, part: &Folder) -> Result<()> {

@@ -28,6 +28,7 @@ mod outcome;
 pub(crate) mod panics;
 pub mod preview;
 pub mod progress;
+mod remarks;
 pub(crate) mod scene_range;
 mod shard;
 mod sharing;

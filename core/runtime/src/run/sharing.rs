@@ -23,7 +23,7 @@ use crate::run::{finish, run_in};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::hash_map::RandomState;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::hash::{BuildHasher, Hasher};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
@@ -110,8 +110,7 @@ fn make(
     let worker = format!("{:016x}", RandomState::new().build_hasher().finish());
     let Begun { folder, journal, todo, assets, .. } = share(recipe, options, &worker, (&pool, &log, wait))?;
     let Some(assets) = assets.filter(|_| !todo.scenes.is_empty()) else { return Ok(0) };
-    let before: BTreeMap<String, String> = journal.entries().values().flat_map(|entry| entry.assets.clone()).collect();
-    let assets = assets.expect(before);
+    let assets = assets.expect(journal.entries().assets().clone());
     let counted = Counted { reporter, images: AtomicU32::new(0) };
     let claims = Claims::new(folder.files(), &worker, claim, todo.scenes.keys().copied());
     let (journal, times) = (Mutex::new(journal), Times::default());
@@ -190,8 +189,8 @@ fn ended(recipe: &Recipe, options: &RunOptions) -> Result<Option<RunOutcome>> {
         return Ok(None);
     }
     let entries = Journal::entries_of(&options.out)?;
-    let has_all = options.wanted(recipe.dataset.scenes)?.iter().all(|scene| entries.contains_key(&scene));
-    Ok(has_all.then(|| finish::outcome_of(&entries.into_values().collect::<Vec<_>>(), [])))
+    let has_all = options.wanted(recipe.dataset.scenes)?.iter().all(|scene| entries.contains(scene));
+    Ok(has_all.then(|| finish::outcome_of(&entries)))
 }
 
 /// Pauses between attempts to get a dataset that others use.

@@ -2,7 +2,7 @@
 
 use crate::run::dataset::ending;
 use crate::run::dataset::foreign;
-use crate::run::dataset::journal::{Journal, JournalEntry, LatestLines};
+use crate::run::dataset::journal::{Journal, LatestLines, SceneLine};
 use crate::run::dataset::layout;
 use crate::run::dataset::locking::is_busy;
 use crate::run::merge::datasets_in;
@@ -131,16 +131,16 @@ fn of_dataset(dataset: &StoreFolder) -> Result<(DatasetStatus, Option<(Shard, u3
     let LatestLines { entries, order, faults } = Journal::latest(dataset, RECENT)?;
     let shard = Shard::of_dataset(dataset)?;
     let scenes = scenes_of_recipe(dataset)?;
-    let failed = entries.values().filter(|entry| entry.failed()).count() as u32;
+    let failed = entries.iter().filter(SceneLine::failed).count() as u32;
     let own = shard.unwrap_or(Shard::WHOLE).scenes(scenes);
-    let missing = own.clone().filter(|scene| !entries.contains_key(scene)).count() as u32;
+    let missing = own.clone().filter(|scene| !entries.contains(*scene)).count() as u32;
     let scenes_per_hour = if running { pace(&times_of(dataset, &order)?) } else { None };
     let progress = Progress {
         scenes: own.count() as u32,
         done: entries.len() as u32 - failed,
         failed,
         missing,
-        images: entries.values().map(JournalEntry::views).map(u64::from).sum(),
+        images: entries.iter().map(|line| u64::from(line.views())).sum(),
         scenes_per_hour,
         left_s: left(missing, scenes_per_hour),
     };

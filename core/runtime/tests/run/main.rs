@@ -12,6 +12,7 @@ mod hostile;
 mod kit;
 mod mixture;
 mod preview;
+mod scale;
 mod shards;
 mod stores;
 mod whole;

@@ -619,7 +619,7 @@ fn labels_that_contradict_each_other_are_put_aside() {
     assert_eq!((outcome.scenes, outcome.failed, outcome.images), (2, 1, 4));
     // No further attempt hides the contradiction, and the dataset has no file of the scene.
     let entries = Journal::entries_of(&data).expect("readable");
-    let errors = &entries[&1].errors;
+    let errors = entries.get(1).expect("a line").entry().errors;
     let says = |what: &str| errors[0].contains(what);
     assert!(errors.len() == 1 && says("view 1: ") && says("thoughts_are_positive: a thought is -1"), "{errors:?}");
     assert!(says("quarantine/000001"), "{errors:?}");

@@ -1,9 +1,10 @@
 //! Moves a staged scene into the dataset.
 
 use crate::run::dataset::folder::Folder;
-use crate::run::dataset::journal::{Journal, JournalEntry, SceneOutcome};
+use crate::run::dataset::journal::{Journal, JournalEntry, SceneLine, SceneOutcome};
 use crate::run::dataset::layout::{self, MARK, RECORD};
 use crate::run::dataset::manifest::{FileState, Manifest, Stamp, Written};
+use crate::run::dataset::records::OWNER;
 use crate::run::dataset::requests;
 use crate::run::dataset::staging::{part, ready};
 use crate::run::dataset::staging_area::Staging;
@@ -78,6 +79,8 @@ impl Folder {
             }
         }
         stale.files.retain(|path, _| !manifest.has(path));
+        let names = |id: &String| id == OWNER || entry.writers().contains(id);
+        entry.stale = !manifest.writers.keys().all(names);
         let (text, of_text) = manifest.text();
         if let SceneOutcome::Made { manifest: digest, .. } = &mut entry.outcome {
             *digest = of_text;
@@ -97,7 +100,7 @@ impl Folder {
             self.staged(&part(scene)).write(&layout::manifest(scene), text.as_bytes())?;
         }
         let mut journal = journal.lock();
-        self.check_places(&new, &own, journal.entries().get(&scene))?;
+        self.check_places(&new, &own, journal.entries().get(scene))?;
         let ready = ready(scene);
         self.files.remove_all(&layout::staged(&ready))?;
         if !entry.failed() {
@@ -123,7 +126,7 @@ impl Folder {
         let adopted;
         let has_line = {
             let mut journal = journal.lock();
-            let present = journal.entries().get(&scene);
+            let present = journal.entries().get(scene);
             adopted = self.check_places(&new, &own, present)?;
             let has_line = present.is_some_and(|present| !present.failed());
             self.accept_recipe(&mut journal)?;
@@ -192,7 +195,7 @@ impl Folder {
 
     /// Refuses new files of a scene at existing paths outside its `own`. `present` is its journal line. Returns the paths
     /// that the scene owns although its manifest is lost.
-    fn check_places(&self, new: &Manifest, own: &Manifest, present: Option<&JournalEntry>) -> Result<BTreeSet<String>> {
+    fn check_places(&self, new: &Manifest, own: &Manifest, present: Option<SceneLine>) -> Result<BTreeSet<String>> {
         let unowned = new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK));
         let unowned: Vec<&DatasetPath> = unowned.collect();
         let exists = requests::each(&self.files, unowned.len(), &|number| self.files.has(unowned[number]))?;
@@ -206,7 +209,7 @@ impl Folder {
             return Ok(BTreeSet::new());
         }
         // If the manifest is lost, the scene owns every file that no other manifest lists.
-        let present = present.and_then(JournalEntry::manifest);
+        let present = present.and_then(|present| present.manifest());
         let lost = present.is_some_and(|digest| own.text().1 != digest);
         let owners = self.owners(&clashes)?;
         match clashes.iter().find(|path| !lost || owners.contains_key(**path)) {
@@ -240,7 +243,7 @@ impl Folder {
         // A file to remove may be where new files need a folder.
         self.remove_each(&staged.stale)?;
         self.place(ready, None, |path| path != RECORD)?;
-        if journal.entries().get(&staged.entry.scene) != Some(&staged.entry) {
+        if !journal.entries().has(&staged.entry) {
             journal.append(staged.entry)?;
         }
         self.files.remove_all(&layout::staged(ready))

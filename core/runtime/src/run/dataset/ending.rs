@@ -5,6 +5,7 @@ use crate::run::dataset::folder::Folder;
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::Journal;
 use crate::run::dataset::layout::{self, RECIPE};
+use crate::run::dataset::loss::Loss;
 use crate::run::dataset::manifest::{FileState, Manifest, Stamp};
 use crate::run::dataset::staging::FINISH;
 use serde::{Deserialize, Serialize};
@@ -24,6 +25,9 @@ pub struct Finished {
     /// Digest of the recipe without its locked assets. It identifies the recipe if the file is lost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recipe: Option<Digest>,
+    /// Data that the files omit.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<Loss>,
     /// The files.
     #[serde(flatten)]
     pub manifest: Manifest,
@@ -62,19 +66,40 @@ impl Folder {
         Finished::of(&self.files)
     }
 
+    /// Results of the last end, if the recipe, the journal and the sizes of the files have not changed since.
+    pub fn last_end(&self, resolved: &str, journal: &Journal) -> Result<Option<Finished>> {
+        let last = self.finished()?;
+        if last.recipe != Some(digest_of_recipe(resolved)) || !journal.is_as_of(last.journal)? {
+            return Ok(None);
+        }
+        for (path, Stamp(size, _)) in &last.manifest.files {
+            if self.files.look(path)?.is_none_or(|there| there.kind != Kind::File || there.size != *size) {
+                return Ok(None);
+            }
+        }
+        Ok(Some(last))
+    }
+
     pub(super) fn set_finished(&self, finished: &Finished) -> Result<()> {
         let text = serde_json::to_string(finished).expect("a manifest is plain data");
         self.files.write(&layout::finished(), text.as_bytes())
     }
 
     /// Moves the staged results of a run's end into place. Replaces only files of an earlier end; for any other file,
-    /// the error names its owner. Without `complete`, a writer failed, and its earlier files stay.
+    /// the error names its owner. `losses` are what the new files omit; `None` if a writer failed, whose earlier files
+    /// stay.
     ///
     /// `finished.json` lists the files of earlier ends. From the first end on, it also lists the recipe, so a list
     /// without the recipe may be a lost one. With `repair`, a writer then adopts a file that no scene lists and that
     /// has the path of a file it has just written. It always adopts a file with the same bytes, since this loses
     /// nothing.
-    pub fn publish_finish(&self, resolved: &str, journal: &mut Journal, complete: bool, repair: bool) -> Result<()> {
+    pub fn publish_finish(
+        &self,
+        resolved: &str,
+        journal: &mut Journal,
+        losses: Option<&Vec<Loss>>,
+        repair: bool,
+    ) -> Result<()> {
         let staged = self.staged(FINISH);
         let old = self.finished()?.manifest;
         let mut new = Manifest::of_tree(&staged)?;
@@ -101,21 +126,23 @@ impl Folder {
         // Both are listed until all are moved, so an interrupted move leaves no unlisted file.
         let mut both = old.clone();
         both.files.extend(new.files.clone());
-        self.set_finished(&Finished { journal: None, recipe: self.finished()?.recipe, manifest: both })?;
+        let recipe = self.finished()?.recipe;
+        self.set_finished(&Finished { recipe, manifest: both, ..Finished::default() })?;
         self.set_recipe(resolved)?;
         journal.rewrite()?;
         let folders: BTreeSet<&str> = new.files.keys().flat_map(DatasetPath::folders).collect();
         let mut in_the_way = old.files.keys().filter(|path| folders.contains(path.as_str()));
         in_the_way.try_for_each(|path| self.files.remove(path))?;
         self.place(FINISH, None, |_| true)?;
-        if complete && refused.is_none() {
+        if let Some(losses) = losses.filter(|_| refused.is_none()) {
             new.files.insert(layout::recipe(), Stamp::of(&self.files, &layout::recipe())?);
             for path in old.files.keys().filter(|path| !new.has(path)) {
                 self.files.remove(path)?;
             }
             let Stamp(_, digest) = Stamp::of(&self.files, &layout::journal())?;
             let recipe = Some(digest_of_recipe(resolved));
-            self.set_finished(&Finished { journal: Some(digest), recipe, manifest: new })?;
+            let left_out = losses.clone();
+            self.set_finished(&Finished { journal: Some(digest), recipe, left_out, manifest: new })?;
             self.files.remove_all(&layout::staging())?;
         }
         refused.map_or(Ok(()), Err)

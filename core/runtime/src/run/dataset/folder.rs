@@ -24,9 +24,9 @@
 
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, JournalEntry};
-use crate::run::dataset::layout::{self, MARK, RECIPE, SHARDS};
+use crate::run::dataset::layout::{self, MARK, RECIPE};
 use crate::run::dataset::locking::{busy, lock, try_lock};
-use crate::run::dataset::manifest::{FileState, Manifest};
+use crate::run::dataset::manifest::Manifest;
 use crate::run::dataset::staging_area::Staging;
 use crate::run::shard::Shard;
 use parking_lot::Mutex;
@@ -160,7 +160,7 @@ impl Folder {
 
     /// Whether the dataset has no finished scene; failed scenes do not count.
     pub fn is_empty(&self, journal: &Journal) -> Result<bool> {
-        Ok(journal.entries().values().all(JournalEntry::failed) && !self.has_scenes()?)
+        Ok(journal.entries().made().next().is_none() && !self.has_scenes()?)
     }
 
     /// Writes names and categories of the assets of each pool.
@@ -186,7 +186,7 @@ impl Folder {
     /// Scenes with a manifest but without a journal line, because their lines are lost.
     pub fn without_line(&self, journal: &Journal) -> Result<Vec<u32>> {
         let mut scenes = self.listed_scenes()?;
-        scenes.retain(|scene| !journal.entries().contains_key(scene));
+        scenes.retain(|scene| !journal.entries().contains(*scene));
         Ok(scenes)
     }
 
@@ -201,25 +201,8 @@ impl Folder {
     /// The manifest of a finished scene: the one that the journal names.
     pub fn manifest_of(&self, entry: &JournalEntry) -> Result<Manifest> {
         let path = layout::manifest(entry.scene);
-        let read = Manifest::read(&self.files, &path)?.filter(|(_, digest)| entry.manifest() == Some(digest));
-        read.map(|(manifest, _)| manifest).ok_or_else(|| self.damaged(entry, &path))
-    }
-
-    /// Compares the shards of a scene with its manifest, and the manifest with the journal.
-    pub fn check_shards(&self, entry: &JournalEntry) -> Result<()> {
-        let manifest = self.manifest_of(entry)?;
-        for (inside, stamp) in manifest.files.iter().filter(|(inside, _)| inside.starts_with(SHARDS)) {
-            if stamp.check_in(&self.files, inside)? != FileState::Whole {
-                return Err(self.damaged(entry, inside));
-            }
-        }
-        Ok(())
-    }
-
-    fn damaged(&self, entry: &JournalEntry, path: &DatasetPath) -> Error {
-        Error::new(format!("a file of scene {} is missing or damaged", entry.scene))
-            .in_file(self.files.name_of(path))
-            .help("run again with `options.repair`, which makes the scene again")
+        let read = Manifest::read(&self.files, &path)?.filter(|(_, digest)| entry.manifest() == Some(*digest));
+        read.map(|(manifest, _)| manifest).ok_or_else(|| damaged(&self.files, entry.scene, &path))
     }
 
     /// The owners of these files, for files that a manifest lists.
@@ -237,6 +220,13 @@ impl Folder {
         }
         Ok(owners)
     }
+}
+
+/// The error for a file of a scene that differs from the scene's manifest, or is gone.
+pub(super) fn damaged(dataset: &StoreFolder, scene: u32, path: &DatasetPath) -> Error {
+    Error::new(format!("a file of scene {scene} is missing or damaged"))
+        .in_file(dataset.name_of(path))
+        .help("run again with `options.repair`, which makes the scene again")
 }
 
 /// Path of the file with the names of a pool's assets.

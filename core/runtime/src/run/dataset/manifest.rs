@@ -125,21 +125,21 @@ impl Manifest {
     }
 
     /// The text of the manifest, and its digest.
-    pub fn text(&self) -> (String, String) {
+    pub fn text(&self) -> (String, Digest) {
         let text = serde_json::to_string(self).expect("a manifest is plain data");
         let Stamp(_, digest) = Stamp::of_text(&text);
-        (text, digest.to_string())
+        (text, digest)
     }
 
     /// Reads a manifest, with its digest. Returns `None` if the file is missing or not a manifest.
-    pub fn read(dataset: &StoreFolder, path: &DatasetPath) -> Result<Option<(Self, String)>> {
+    pub fn read(dataset: &StoreFolder, path: &DatasetPath) -> Result<Option<(Self, Digest)>> {
         let Some(text) = read_list(dataset, path).map_err(unreadable)?.and_then(|bytes| String::from_utf8(bytes).ok())
         else {
             return Ok(None);
         };
         let manifest: Option<Self> = serde_json::from_str(&text).ok();
         let Stamp(_, digest) = Stamp::of_text(&text);
-        Ok(manifest.map(|manifest| (manifest, digest.to_string())))
+        Ok(manifest.map(|manifest| (manifest, digest)))
     }
 
     /// The manifest without the files of writers that do not stay.

@@ -17,6 +17,7 @@ pub(crate) mod records;
 mod recovery;
 mod requests;
 pub(crate) mod settled;
+pub(crate) mod scene_files;
 mod staging;
 mod staging_area;
 #[cfg(test)]

@@ -70,10 +70,11 @@ impl Folder {
         if self.has_lost_its_list()? {
             return self.files.write(&path, text.as_bytes());
         }
-        self.set_finished(&Finished { journal: None, recipe: None, manifest: listed.clone() })?;
+        self.set_finished(&Finished { manifest: listed.clone(), ..Finished::default() })?;
         self.files.write(&path, text.as_bytes())?;
         listed.files.insert(path, Stamp::of_text(text));
-        self.set_finished(&Finished { journal: None, recipe: Some(digest_of_recipe(text)), manifest: listed })
+        let recipe = Some(digest_of_recipe(text));
+        self.set_finished(&Finished { recipe, manifest: listed, ..Finished::default() })
     }
 
     /// Whether the dataset has scenes but lost the list of a run's results, which has the recipe from the beginning.

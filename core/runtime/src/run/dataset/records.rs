@@ -1,14 +1,14 @@
 //! Recorded products of finished scenes, which dataset annotators read in this run or a later one.
 
-use crate::run::dataset::foreign::read_bounded;
+use crate::run::dataset::scene_files::SceneFiles;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::io::Read;
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::SCENE_RECORD_BYTES;
 use syntable_model::product::{KeyId, Products};
 use syntable_model::scene::SceneId;
 use syntable_model::stage::{DAMAGED, Output, RecordedScene, unreadable};
-use syntable_model::store::StoreFolder;
 use syntable_recipe::plan::Plan;
 
 /// Owner of the records' shards, instead of a writer's id.
@@ -45,12 +45,14 @@ impl Records {
     }
 
     /// Reads the record of a scene.
-    pub fn read(dataset: &StoreFolder, scene: SceneId) -> Result<RecordedScene> {
+    pub fn read(files: &SceneFiles, scene: SceneId) -> Result<RecordedScene> {
         let path = syntable_model::stage::shard_path(OWNER, scene)?;
-        let name = dataset.name_of(&path);
+        let name = files.dataset().name_of(&path);
         let wrong = |message: String| Error::new(message).in_file(&name).help(DAMAGED);
-        let text = read_bounded(dataset, &path, &SCENE_RECORD_BYTES).map_err(unreadable)?;
-        let text = text.ok_or_else(|| wrong("the file is missing".to_owned()))?;
+        SCENE_RECORD_BYTES.check(files.size(scene, &path)?).map_err(|error| error.in_file(&name))?;
+        let mut opened = files.open(scene, &path).map_err(unreadable)?;
+        let mut text = Vec::new();
+        opened.read_to_end(&mut text).map_err(|error| unreadable(Error::io(&name, &error)))?;
         let Self { scene: scene_values, views: view_values } =
             serde_json::from_slice(&text).map_err(|error| wrong(error.to_string()))?;
         Ok(RecordedScene { scene, scene_values, view_values })

@@ -74,7 +74,7 @@ pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> R
         return Ok(found);
     }
     let entries = Journal::entries_of(dataset)?;
-    let made: Vec<(u32, &str)> = entries.values().filter_map(|entry| Some((entry.scene, entry.manifest()?))).collect();
+    let made: Vec<(u32, Digest)> = entries.iter().filter_map(|line| Some((line.scene, line.manifest()?))).collect();
     let found = Mutex::new((Verified::default(), Owned::default(), ManifestScenes::default()));
     let failure = Mutex::new(None);
     workers.run(made.len(), &|index| {
@@ -129,7 +129,7 @@ pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> R
 }
 
 /// Compares the files of a scene, and returns its manifest, or `None` if the manifest is lost.
-fn scene_files(dataset: &StoreFolder, scene: u32, digest: &str, wrong: &mut Verified) -> Result<Option<Manifest>> {
+fn scene_files(dataset: &StoreFolder, scene: u32, digest: Digest, wrong: &mut Verified) -> Result<Option<Manifest>> {
     let path = layout::manifest(scene);
     wrong.files += 1;
     let manifest = match Manifest::read(dataset, &path)? {

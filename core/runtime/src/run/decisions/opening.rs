@@ -4,7 +4,7 @@
 use crate::pools::AssetStore;
 use crate::run::dataset::adoption::FirstScene;
 use crate::run::dataset::folder::Folder;
-use crate::run::dataset::journal::{Journal, JournalEntry};
+use crate::run::dataset::journal::{Entries, Journal};
 use crate::run::dataset::layout;
 use crate::run::dataset::verify;
 use crate::run::decisions::growth::{self, Growth};
@@ -171,7 +171,7 @@ fn restore_recipe(
     store: &AssetStore,
 ) -> Result<bool> {
     let names = store.catalogs();
-    let assets = journal.entries().values().flat_map(|entry| entry.assets.clone()).collect();
+    let assets = journal.entries().assets().clone();
     let lock = Lock { catalogs: inputs::catalogs(&names), files: files.clone(), assets, ..Lock::default() };
     folder.restore_recipe(&with_devices(&with_lock(&recipe.resolved, &lock), devices))
 }
@@ -234,7 +234,7 @@ fn lock_pools(
     folder: &Folder,
     names: &BTreeMap<String, CatalogNames>,
     resolved: &str,
-    entries: &BTreeMap<u32, JournalEntry>,
+    entries: &Entries,
 ) -> Result<String> {
     let now = Lock { catalogs: inputs::catalogs(names), ..lock_of(resolved) };
     if !entries.is_empty() {

@@ -68,17 +68,18 @@ impl Todo {
         let recorded = records::names(&recipe.components.first().plan);
         let anew = growth.map(Growth::replaced).unwrap_or_default();
         let job = |scene: u32| {
-            let Some(entry) = journal.entries().get(&scene) else { return Some(Job { present: None, lacks: None }) };
-            let entry = entry.without(&anew);
-            let present = Some(entry.clone());
-            if damaged.contains(&scene) {
-                return Some(Job { present, lacks: None });
-            }
-            let has = |id: &String| entry.writers().contains(id);
+            let Some(line) = journal.entries().get(scene) else { return Some(Job { present: None, lacks: None }) };
+            let is_damaged = damaged.contains(&scene);
+            let has = |id: &String| line.writers().contains(id) && !anew.contains(id);
             let lacks: Vec<String> = recipe.write.iter().map(|(id, _)| id).filter(|id| !has(id)).cloned().collect();
-            let records = entry.recorded() != recorded;
-            let done = entry.failed() || (lacks.is_empty() && !records);
-            (!done).then_some(Job { present, lacks: Some((lacks, records)) })
+            let records = line.recorded() != recorded;
+            let done = line.failed() || (lacks.is_empty() && !records);
+            let present = || Some(line.entry().without(&anew));
+            match (is_damaged, done) {
+                (true, _) => Some(Job { present: present(), lacks: None }),
+                (false, true) => None,
+                (false, false) => Some(Job { present: present(), lacks: Some((lacks, records)) }),
+            }
         };
         Self {
             scenes: wanted

@@ -3,6 +3,7 @@
 
 use crate::run::dataset::adoption::FirstScene;
 use crate::run::dataset::folder::Folder;
+use crate::run::dataset::journal::JournalEntry;
 use crate::run::dataset::layout;
 use crate::run::decisions::opening::{self, CheckedRun};
 use crate::run::making::scenes;
@@ -64,7 +65,9 @@ fn make(
     let made = begin()
         .and_then(|begun| scenes::make(recipe, &aside, (&pool, &Times::default()), &within, begun))
         .and_then(|made| {
-            let entry = made.journal.entries().get(&first).filter(|entry| !entry.failed()).cloned();
+            let entries = made.journal.entries();
+            let line = entries.get(first).filter(|line| !line.failed());
+            let entry = line.map(|line| JournalEntry { assets: entries.assets().clone(), ..line.entry() });
             let failed = || format!("scene {first} failed in {}", count(recipe.dataset.max_attempts, "attempt"));
             entry.map(|entry| FirstScene { folder: made.folder, entry }).ok_or_else(|| Error::new(failed()))
         });

@@ -22,6 +22,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::check::LabelCheck;
 use syntable_model::context::{SceneContext, ViewContext};
+use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::scene::{PlacedBodies, Scene, Settled, View};
@@ -179,7 +180,7 @@ impl<'a> SceneMaker<'a> {
 /// The outcome of a finished scene. The commit adds the digest of the manifest.
 fn outcome(views: u32, objects: u32, work: &Work) -> SceneOutcome {
     let writers = work.writers.iter().map(|(id, _)| id.clone()).collect();
-    SceneOutcome::Made { views, objects, writers, recorded: records::names(&work.plan), manifest: String::new() }
+    SceneOutcome::Made { views, objects, writers, recorded: records::names(&work.plan), manifest: Digest::of(&[]) }
 }
 
 /// The new files and the journal line of a scene that got its missing parts. The line equals the line of a scene that

@@ -3,7 +3,7 @@
 use crate::pools::AssetStore;
 use crate::run::dataset::claims::Claims;
 use crate::run::dataset::folder::Folder;
-use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
+use crate::run::dataset::journal::{Entries, Journal, JournalEntry, Notice};
 use crate::run::decisions::growth::Growth;
 use crate::run::decisions::inputs;
 use crate::run::decisions::opening::Begun;
@@ -22,7 +22,7 @@ use crate::run::panics;
 use crate::run::progress::{Event, Reporter, Warnings, count};
 use crate::workers::{Pool, Stoppable};
 use parking_lot::Mutex;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::time::Instant;
 use syntable_model::context::{DatasetContext, Log};
 use syntable_model::error::{Error, Result};
@@ -76,8 +76,7 @@ pub fn make(
     aside.map_or(Ok(()), |aside| aside.adopt(&folder, &journal))?;
     let (mut lacking, mut told) = (0, BTreeSet::new());
     if let Some(store) = assets.filter(|_| !todo.scenes.is_empty()) {
-        let drawn =
-            journal.lock().entries().values().flat_map(|entry| entry.assets.clone()).collect::<BTreeMap<_, _>>();
+        let drawn = journal.lock().entries().assets().clone();
         let assets = &store.expect(drawn);
         let made = make_scenes(recipe, options, reporter, assets, (pool, times), (&folder, &journal), (&todo, None));
         if made.is_err() {
@@ -88,10 +87,10 @@ pub fn make(
     // The dataset takes the recipe even without a scene to make.
     folder.accept_recipe(&mut journal.lock())?;
     let journal = journal.into_inner();
-    let entry_of = |scene: &u32| journal.entries().get(scene);
+    let line_of = |scene: &u32| journal.entries().get(*scene);
     let whole = todo.scenes.iter().filter(|(_, job)| job.lacks.is_none());
-    let new = made_aside + whole.filter_map(|(scene, _)| entry_of(scene)).map(JournalEntry::views).sum::<u32>();
-    let changed = |(scene, job): &(&u32, &Job)| job.lacks.is_some() && entry_of(scene) != job.present.as_ref();
+    let new = made_aside + whole.filter_map(|(scene, _)| line_of(scene)).map(|line| line.views()).sum::<u32>();
+    let changed = |(scene, job): &(&u32, &Job)| job.lacks.is_some() && line_of(scene).map(|line| line.entry()) != job.present;
     let grown = todo.scenes.iter().filter(changed).count() as u32;
     Ok(MadeScenes { folder, journal, resolved, new, grown, lacking, told })
 }
@@ -237,17 +236,17 @@ impl SceneWork<'_> {
         if entry.failed() || std::mem::replace(&mut self.progress.lock().is_rehearsed, true) {
             return Ok(());
         }
-        self.rehearse_end(task, entry)
+        self.rehearse_end(task, &entry)
     }
 
     /// Rehearses the end of the run after its first scene, because some mistakes would show only then.
-    fn rehearse_end(&self, task: &Task, entry: JournalEntry) -> Result<()> {
+    fn rehearse_end(&self, task: &Task, entry: &JournalEntry) -> Result<()> {
         let SceneMaker { tools: Tools { recipe, log, workers, .. }, folder, .. } = &self.maker;
         let trial = folder.stage_trial()?;
         // The real end counts the omitted data of the trial.
         let dataset = recipe.dataset_info();
         let lender = DatasetLender::new(DatasetContext::new(&dataset, *workers, *log));
-        let Ended { writers, annotators } = annotate_and_finish(recipe, &lender, folder, &[entry], &trial);
+        let Ended { writers, annotators } = annotate_and_finish(recipe, &lender, folder, &Entries::from_iter([entry]), &trial);
         folder.drop_trial()?;
         // An annotator of the dataset may need more than one scene.
         if let Some(error) = annotators.filter(|error| Recovery::of(error) == Recovery::Stop) {

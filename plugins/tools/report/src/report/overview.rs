@@ -123,11 +123,11 @@ pub fn of(report: &DatasetReport) -> Result<Overview> {
         StatisticsProgress::Failed(text) => (None, Some(text.clone()), false),
     };
     let faults = faults(report);
-    let failed = record.journal.values().filter(|entry| entry.failed() || entry.attempt > 0).map(|entry| SceneRow {
-        scene: entry.scene,
-        attempts: entry.attempt + 1,
-        outcome: if entry.failed() { "failed" } else { "made" },
-        errors: entry.errors.clone(),
+    let failed = record.journal.iter().filter(|line| line.failed() || line.attempt() > 0).map(|line| SceneRow {
+        scene: line.scene,
+        attempts: line.attempt() + 1,
+        outcome: if line.failed() { "failed" } else { "made" },
+        errors: line.entry().errors,
     });
     let devices: BTreeSet<String> = record.times.iter().flat_map(|run| run.devices.clone()).collect();
     let (shown, all) = (report.shown.len(), report.dataset.images.len());
@@ -215,8 +215,8 @@ fn facts(report: &DatasetReport, devices: &BTreeSet<String>) -> Vec<Fact> {
 /// The components of a mixture with their numbers of scenes; none if the recipe is no mixture.
 fn components(record: &DatasetRecord) -> Option<String> {
     let mut scenes: BTreeMap<&str, u32> = BTreeMap::new();
-    for entry in record.journal.values().filter(|entry| !entry.failed() && !entry.component.is_empty()) {
-        *scenes.entry(entry.component.as_str()).or_default() += 1;
+    for line in record.journal.made().filter(|line| !line.component().is_empty()) {
+        *scenes.entry(line.component()).or_default() += 1;
     }
     let words = scenes.iter().map(|(component, scenes)| format!("{component}: {}", count(*scenes, "scene")));
     Some(words.collect::<Vec<_>>().join("; ")).filter(|words| !words.is_empty())

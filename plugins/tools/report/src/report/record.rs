@@ -15,7 +15,7 @@ use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::stage::RESERVED;
 use syntable_recipe::{components_of, pool_name, split_pool_name};
-use syntable_runtime::run::dataset::journal::{Journal, JournalEntry};
+use syntable_runtime::run::dataset::journal::{Entries, Journal};
 use syntable_runtime::run::dataset::layout::{journal_path, times_path};
 use syntable_runtime::run::making::times::RunTimes;
 
@@ -34,7 +34,7 @@ pub struct DatasetRecord {
     /// The recipe as a table.
     pub table: toml::Table,
     /// The scenes of the run.
-    pub journal: BTreeMap<u32, JournalEntry>,
+    pub journal: Entries,
     /// Times of runs.
     pub times: Vec<RunTimes>,
     /// Unreadable records, as sentences.
@@ -107,7 +107,7 @@ impl DatasetRecord {
         let path = journal_path(&root);
         let (journal, faults) = find(&folder, &path)
             .and_then(|_| Journal::readable(&root))
-            .unwrap_or_else(|error| (BTreeMap::new(), vec![error.message().to_owned()]));
+            .unwrap_or_else(|error| (Entries::default(), vec![error.message().to_owned()]));
         faults.into_iter().for_each(|fault| note(&path, fault));
         let path = times_path(&root);
         let times = find(&folder, &path).and_then(|_| RunTimes::of_dataset(&root)).unwrap_or_else(|error| {
@@ -119,7 +119,7 @@ impl DatasetRecord {
         if lines > times.len() {
             note(&path, format!("{} of {lines} lines cannot be read", lines - times.len()));
         }
-        let models = models(&folder, &root, &table, journal.keys().copied(), &mut note);
+        let models = models(&folder, &root, &table, journal.scenes(), &mut note);
         let pool_licenses = pool_licenses(registry, &table);
         Self { folder: Some(folder), times, recipe, table, journal, damaged, models, pool_licenses }
     }

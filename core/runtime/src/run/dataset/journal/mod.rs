@@ -4,239 +4,31 @@
 //! each line is a file of its own, which is written once. A run joins these files into `journal.jsonl` when it has written many, at its end, and when it
 //! opens the journal. Until it has removed them, they equal the joined lines.
 
-use crate::run::dataset::draws::PoseDraws;
+mod entries;
+mod entry;
+mod notice;
+
+pub use entries::{AssetDigests, Entries, JournalLine, SceneLine};
+pub use entry::{JournalEntry, SceneOutcome};
+pub use notice::Notice;
+
 use crate::run::dataset::layout;
-use crate::run::dataset::loss::Loss;
+use crate::run::dataset::manifest::Stamp;
 use crate::run::dataset::requests;
-use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use entries::EntriesBuilder;
+use std::collections::{BTreeSet, VecDeque};
 use std::io::{BufRead, BufReader, Read};
+use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
 use syntable_model::limits::RUN_LIST_BYTES;
 use syntable_model::store::{StoreFolder, StoredFile};
 use syntable_model::words::SHOWN;
 
-/// A line of the journal: a finished scene.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct JournalEntry {
-    /// Number of the scene.
-    pub scene: u32,
-    /// The successful attempt, from 0; the last attempt if the scene failed.
-    pub attempt: u32,
-    /// Outcome of the scene.
-    #[serde(flatten)]
-    pub outcome: SceneOutcome,
-    /// Anomalies of the scene as a whole.
-    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
-    pub notices: BTreeSet<Notice>,
-    /// Anomalies of some but not all views, with the numbers of these views, ascending.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub odd_views: BTreeMap<Notice, Vec<u32>>,
-    /// Camera poses that were drawn under the conditions of `[views]`.
-    #[serde(default, skip_serializing_if = "PoseDraws::is_empty")]
-    pub poses: PoseDraws,
-    /// Drawn alternatives of stages with `one_of`, by stage, from 0: one of a scene, or one of each view.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub choices: BTreeMap<String, Vec<u32>>,
-    /// The component of a mixture that made the scene; empty if the recipe is no mixture.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub component: String,
-    /// Data that stages omitted from the scene's images, by stage.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub left_out: Vec<Loss>,
-    /// Messages of the failed attempts, in order.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub errors: Vec<String>,
-    /// Digests of all assets that were drawn for the scene, by `pool/name`; `bad` for an unusable asset.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub assets: BTreeMap<String, String>,
-}
-
-/// Outcome of a finished scene.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(tag = "outcome", rename_all = "snake_case")]
-pub enum SceneOutcome {
-    /// The scene is in the dataset.
-    Made {
-        /// Number of written views.
-        views: u32,
-        /// Number of objects in the scene after settling.
-        objects: u32,
-        /// Ids of the writers of the scene, sorted.
-        writers: Vec<String>,
-        /// Products that were recorded for the annotators of the dataset, sorted.
-        #[serde(default, skip_serializing_if = "Vec::is_empty")]
-        recorded: Vec<String>,
-        /// Digest of the scene's list of files, `.syntable/scenes/<scene>.json`.
-        manifest: String,
-    },
-    /// All attempts failed, or a device failed. The dataset has no file of the scene.
-    Failed,
-}
-
-/// An anomaly of a scene, which may be intended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Notice {
-    /// All images are black.
-    Black,
-    /// All images are white: at least 99 % of their pixels are overexposed.
-    White,
-    /// No view has a light, and no material emits any.
-    Unlit,
-    /// No object has a visible pixel in any view.
-    Unlabeled,
-    /// The camera of every view is outside the room, and the scene is black or unlabeled.
-    Outside,
-}
-
-impl Notice {
-    /// The notices to report of all notices of a scene: the others are causes of these.
-    pub fn reported(all: &BTreeSet<Self>) -> impl Iterator<Item = Self> {
-        let is_cause = |notice: Self| match notice {
-            Self::Outside => true,
-            Self::Unlit | Self::Unlabeled => all.contains(&Self::Black),
-            Self::Black | Self::White => false,
-        };
-        all.iter().copied().filter(move |&notice| !is_cause(notice))
-    }
-
-    /// Message about a scene with these notices.
-    pub fn text(self, all: &BTreeSet<Self>) -> &'static str {
-        match self {
-            Self::Black if all.contains(&Self::Unlabeled) => "all images are black, and no object is labeled",
-            Self::Black => "all images are black",
-            Self::White => "all images are white",
-            Self::Unlit => "no light: no view has a light, and no material emits light",
-            Self::Unlabeled => "no object is labeled in any view",
-            Self::Outside => "the camera is outside the room in every view",
-        }
-    }
-
-    /// Message about one of several views.
-    pub fn text_of_view(self) -> &'static str {
-        match self {
-            Self::Black => "the image is black",
-            Self::White => "the image is white",
-            Self::Unlit => "no light",
-            Self::Unlabeled => "no object is labeled",
-            Self::Outside => "the camera is outside the room",
-        }
-    }
-
-    /// Remedy if some views have it.
-    pub fn help_of_view(self) -> &'static str {
-        match self {
-            Self::Black | Self::Unlit => {
-                "the camera may be outside the room or inside an object: check [views], the sizes in [[place]] and \
-                 [[lights]]"
-            }
-            Self::White => "the view is overexposed: check the intensity of [[lights]] and the exposure in [camera]",
-            Self::Unlabeled | Self::Outside => {
-                "the camera may be outside the room, look past the objects or be behind an object: check [views] and \
-                 the sizes in [[place]]"
-            }
-        }
-    }
-
-    /// Whether a few such views may be intended: a camera may look past all objects, but a black image always has a
-    /// cause.
-    pub fn may_be_meant(self) -> bool {
-        self == Self::Unlabeled
-    }
-
-    /// The cause that is certain or most likely with these notices of a scene, and the remedy.
-    pub fn help(self, all: &BTreeSet<Self>) -> &'static str {
-        let has = |notice: Self| all.contains(&notice);
-        match self {
-            Self::Black | Self::Unlit if has(Self::Unlit) => {
-                "no light: no view has a light, and no material emits light; add a [[lights]] table, or raise a `count` \
-                 that is 0"
-            }
-            Self::Black | Self::Unlabeled | Self::Outside if has(Self::Outside) => {
-                "the camera is outside the room in every view: check [views] and the size of the room in [[place]]"
-            }
-            Self::Black if has(Self::Unlabeled) => {
-                "the camera may be behind a wall or inside an object: check [views] and the sizes in [[place]]"
-            }
-            Self::Black => {
-                "the light may be too weak or hidden: check [[lights]], the exposure in [camera], and objects right in \
-                 front of the camera"
-            }
-            Self::White => "lower the intensity of [[lights]], or check the exposure in [camera]",
-            Self::Unlit => "add a [[lights]] table",
-            Self::Unlabeled | Self::Outside => {
-                "the objects are outside the views or hidden, or have fewer visible pixels than `annotate.masks.min_visible_px`: check \
-                 [views], and bodies that may hide the table"
-            }
-        }
-    }
-}
-
-impl JournalEntry {
-    /// The entry of a scene that had no anomaly, error or draw.
-    pub fn new(scene: u32, attempt: u32, outcome: SceneOutcome) -> Self {
-        let (notices, odd_views, poses, choices, component, left_out, errors, assets) = Default::default();
-        Self { scene, attempt, outcome, notices, odd_views, poses, choices, component, left_out, errors, assets }
-    }
-
-    /// Whether all attempts failed.
-    pub fn failed(&self) -> bool {
-        self.outcome == SceneOutcome::Failed
-    }
-
-    /// Number of views in the dataset.
-    pub fn views(&self) -> u32 {
-        match self.outcome {
-            SceneOutcome::Made { views, .. } => views,
-            SceneOutcome::Failed => 0,
-        }
-    }
-
-    /// Ids of the writers that wrote the scene.
-    pub fn writers(&self) -> &[String] {
-        match &self.outcome {
-            SceneOutcome::Made { writers, .. } => writers,
-            SceneOutcome::Failed => &[],
-        }
-    }
-
-    /// The line of a scene without the writers `anew`, whose files are written again or removed. Records for dataset
-    /// annotators are dropped too, because the annotators may have changed.
-    pub fn without(&self, anew: &BTreeSet<String>) -> Self {
-        let mut entry = self.clone();
-        if let SceneOutcome::Made { writers, recorded, .. } = &mut entry.outcome
-            && writers.iter().any(|id| anew.contains(id))
-        {
-            writers.retain(|id| !anew.contains(id));
-            recorded.clear();
-        }
-        entry.left_out.retain(|loss| !loss.stage.strip_prefix("write.").is_some_and(|id| anew.contains(id)));
-        entry
-    }
-
-    /// Products that were recorded of the scene.
-    pub fn recorded(&self) -> &[String] {
-        match &self.outcome {
-            SceneOutcome::Made { recorded, .. } => recorded,
-            SceneOutcome::Failed => &[],
-        }
-    }
-
-    /// Digest of the scene's manifest, if it has one.
-    pub fn manifest(&self) -> Option<&str> {
-        match &self.outcome {
-            SceneOutcome::Made { manifest, .. } => Some(manifest),
-            SceneOutcome::Failed => None,
-        }
-    }
-}
-
 /// The readable lines of a journal that a run may be writing.
 pub struct LatestLines {
     /// The finished scenes.
-    pub entries: BTreeMap<u32, JournalEntry>,
+    pub entries: Entries,
     /// The last scenes, in the order of the file.
     pub order: Vec<u32>,
     /// Descriptions of unreadable lines.
@@ -246,7 +38,7 @@ pub struct LatestLines {
 /// The journal. A run appends lines to it.
 pub struct Journal {
     dataset: StoreFolder,
-    entries: BTreeMap<u32, JournalEntry>,
+    entries: Entries,
     /// Number of lines that are files of their own.
     loose: usize,
     /// Other workers write lines, too.
@@ -293,15 +85,15 @@ impl Journal {
     }
 
     /// Reads the lines of a journal, without changing it.
-    pub fn entries_of(dataset: impl Into<StoreFolder>) -> Result<BTreeMap<u32, JournalEntry>> {
+    pub fn entries_of(dataset: impl Into<StoreFolder>) -> Result<Entries> {
         Self::read(&dataset.into()).map(|(entries, _)| entries)
     }
 
     /// Reads the lines of a journal. Returns the entries, and the size of the complete lines, bytes.
-    fn read(dataset: &StoreFolder) -> Result<(BTreeMap<u32, JournalEntry>, u64)> {
-        let mut entries = BTreeMap::new();
+    fn read(dataset: &StoreFolder) -> Result<(Entries, u64)> {
+        let mut entries = EntriesBuilder::default();
         let whole = each_line(dataset, |place, line| {
-            let entry = line.map_err(|error| {
+            entries.add(line).map_err(|error| {
                 Error::new(format!("not a journal line: {error}"))
                     .in_file(dataset.name_of(&place.file))
                     .at_line(place.line)
@@ -310,29 +102,25 @@ impl Journal {
                          another version began the dataset, choose another folder with `options.out`, or delete this one",
                     )
             })?;
-            entries.insert(entry.scene, entry);
             Ok(())
         })?;
-        Ok((entries, whole))
+        Ok((entries.build(), whole))
     }
 
     /// Reads the readable lines of a journal, and describes the others: the first [`SHOWN`], and the number of the
     /// rest.
-    pub fn readable(dataset: impl Into<StoreFolder>) -> Result<(BTreeMap<u32, JournalEntry>, Vec<String>)> {
+    pub fn readable(dataset: impl Into<StoreFolder>) -> Result<(Entries, Vec<String>)> {
         Self::readable_lines(&dataset.into(), |_| ())
     }
 
     fn readable_lines(
         dataset: &StoreFolder,
-        mut each: impl FnMut(&JournalEntry),
-    ) -> Result<(BTreeMap<u32, JournalEntry>, Vec<String>)> {
-        let (mut entries, mut faults, mut more) = (BTreeMap::new(), Vec::new(), 0_u64);
+        mut each: impl FnMut(u32),
+    ) -> Result<(Entries, Vec<String>)> {
+        let (mut entries, mut faults, mut more) = (EntriesBuilder::default(), Vec::new(), 0_u64);
         each_line(dataset, |place, line| {
-            match line {
-                Ok(entry) => {
-                    each(&entry);
-                    entries.insert(entry.scene, entry);
-                }
+            match entries.add(line) {
+                Ok(scene) => scene.into_iter().for_each(&mut each),
                 Err(error) if faults.len() < SHOWN => {
                     let line = match place.file == layout::journal() {
                         true => format!("line {}", place.line),
@@ -347,14 +135,14 @@ impl Journal {
         if more > 0 {
             faults.push(format!("{more} more lines are not journal lines"));
         }
-        Ok((entries, faults))
+        Ok((entries.build(), faults))
     }
 
     /// The readable lines, with the order of the last `most` of them.
     pub fn latest(dataset: &StoreFolder, most: usize) -> Result<LatestLines> {
         let mut order = VecDeque::new();
-        let (entries, faults) = Self::readable_lines(dataset, |entry| {
-            order.push_back(entry.scene);
+        let (entries, faults) = Self::readable_lines(dataset, |scene| {
+            order.push_back(scene);
             if order.len() > most {
                 order.pop_front();
             }
@@ -364,36 +152,54 @@ impl Journal {
 
     /// Removes unreadable lines, and returns their number.
     pub fn mend(dataset: &StoreFolder) -> Result<usize> {
-        let (mut entries, mut bad) = (BTreeMap::new(), 0);
+        let (mut entries, mut bad) = (EntriesBuilder::default(), 0);
         each_line(dataset, |_, line| {
-            match line {
-                Ok(entry) => drop(entries.insert(entry.scene, entry)),
-                Err(_) => bad += 1,
-            }
+            bad += usize::from(entries.add(line).is_err());
             Ok(())
         })?;
         if bad > 0 {
-            write(dataset, &entries)?;
+            write(dataset, &entries.build())?;
         }
         Ok(bad)
     }
 
     /// The finished scenes, ascending.
-    pub fn entries(&self) -> &BTreeMap<u32, JournalEntry> {
+    pub fn entries(&self) -> &Entries {
         &self.entries
     }
 
-    /// Appends a line, and syncs it.
+    /// Whether the file has all lines, and this digest.
+    pub fn is_as_of(&self, digest: Option<Digest>) -> Result<bool> {
+        let path = layout::journal();
+        Ok(self.loose == 0
+            && digest.is_some()
+            && self.dataset.has(&path)?
+            && Some(Stamp::of(&self.dataset, &path)?.1) == digest)
+    }
+
+    /// Appends a line, and syncs it. Digests of assets that the journal has are not written again.
     ///
     /// # Errors
     /// If it cannot be written, or another worker has made the scene with another result.
     pub fn append(&mut self, entry: JournalEntry) -> Result<()> {
+        let entry = JournalEntry { assets: self.entries.unknown(&entry.assets), ..entry };
         if self.dataset.is_remote() || self.is_shared {
             return self.put_line(entry);
         }
         self.dataset.append(&layout::journal(), line_of(&entry).as_bytes())?;
-        self.entries.insert(entry.scene, entry);
+        self.entries.insert(&entry);
         Ok(())
+    }
+
+    /// Adds digests of assets of scenes that the journal will get.
+    pub fn add_assets(&mut self, assets: &AssetDigests) -> Result<()> {
+        let assets = self.entries.unknown(assets);
+        self.entries.add_assets(&assets);
+        // Where each line is a file, the next joined journal has them.
+        if assets.is_empty() || self.dataset.is_remote() || self.is_shared {
+            return Ok(());
+        }
+        self.dataset.append(&layout::journal(), json_line(&JournalLine::Assets { assets }).as_bytes())
     }
 
     /// Writes a line as a file of its own. If another worker has written the line of the scene, its result must be the
@@ -401,15 +207,15 @@ impl Journal {
     /// replaces the line of a failure.
     fn put_line(&mut self, entry: JournalEntry) -> Result<()> {
         let (path, line) = (layout::line(entry.scene), line_of(&entry));
-        if self.entries.contains_key(&entry.scene) {
+        if self.entries.contains(entry.scene) {
             self.dataset.write(&path, line.as_bytes())?;
         } else if !self.dataset.write_new(&path, line.as_bytes())? {
             let present = self.dataset.read(&path)?.unwrap_or_default();
             match serde_json::from_slice::<JournalEntry>(&present) {
-                Ok(present) if present == entry => {}
+                Ok(present) if is_same(&present, &entry) => {}
                 Ok(present) if present.failed() && !entry.failed() => self.dataset.write(&path, line.as_bytes())?,
                 Ok(present) if entry.failed() => {
-                    self.entries.insert(present.scene, present);
+                    self.entries.insert(&present);
                     return Ok(());
                 }
                 _ => {
@@ -426,18 +232,18 @@ impl Journal {
             }
         }
         self.loose += 1;
-        self.entries.insert(entry.scene, entry);
+        self.entries.insert(&entry);
         if !self.is_shared && self.loose > LOOSE.max(self.entries.len() / 4) { self.rewrite() } else { Ok(()) }
     }
 
     /// Removes the line of a scene, atomically.
     pub fn forget(&mut self, scene: u32) -> Result<()> {
-        if self.entries.remove(&scene).is_some() { self.rewrite() } else { Ok(()) }
+        if self.entries.remove(scene) { self.rewrite() } else { Ok(()) }
     }
 
     /// Removes failed scenes, so that they are tried again. Takes effect on disk when the file is written.
     pub fn forget_failed(&mut self) {
-        self.entries.retain(|_, entry| !entry.failed());
+        self.entries.remove_failed();
     }
 
     /// Removes writers from the lines of all scenes, atomically.
@@ -445,7 +251,8 @@ impl Journal {
         if writers.is_empty() {
             return Ok(());
         }
-        self.entries.values_mut().for_each(|entry| *entry = entry.without(writers));
+        let has = |line: SceneLine| line.writers().iter().any(|id| writers.contains(id));
+        self.entries.change(has, |entry| entry.without(writers));
         self.rewrite()
     }
 
@@ -457,23 +264,35 @@ impl Journal {
     }
 }
 
-/// Writes a journal in scene order, atomically. Lines in files of their own are part of it.
-fn write(dataset: &StoreFolder, entries: &BTreeMap<u32, JournalEntry>) -> Result<()> {
+/// Writes a journal in scene order, atomically. Lines in files of their own are part of it. A line of all assets comes
+/// first.
+fn write(dataset: &StoreFolder, entries: &Entries) -> Result<()> {
     let path = layout::journal();
     dataset.put(&path, &mut |file| {
-        for entry in entries.values() {
-            file.write_all(line_of(entry).as_bytes()).map_err(|error| Error::io(dataset.name_of(&path), &error))?;
+        let mut write =
+            |line: &str| file.write_all(line.as_bytes()).map_err(|error| Error::io(dataset.name_of(&path), &error));
+        let assets = entries.assets();
+        if !assets.is_empty() {
+            write(&json_line(&JournalLine::Assets { assets: assets.clone() }))?;
         }
-        Ok(())
+        entries.iter().try_for_each(|line| write(&line_of(&line.entry())))
     })?;
     dataset.remove_all(&layout::lines())
 }
 
 /// The line of an entry, with its line end.
 fn line_of(entry: &JournalEntry) -> String {
-    let mut line = serde_json::to_string(entry).expect("an entry is plain data");
-    line.push('\n');
-    line
+    json_line(entry)
+}
+
+fn json_line(line: &impl serde::Serialize) -> String {
+    serde_json::to_string(line).expect("a line is plain data") + "\n"
+}
+
+/// Whether two workers have made the same scene. A worker writes only digests of assets that are new to it.
+fn is_same(one: &JournalEntry, other: &JournalEntry) -> bool {
+    let agree = one.assets.iter().all(|(name, digest)| other.assets.get(name).is_none_or(|theirs| theirs == digest));
+    agree && JournalEntry { assets: other.assets.clone(), ..one.clone() } == *other
 }
 
 /// The files that are lines, in the order of their scenes.
@@ -526,7 +345,12 @@ impl JournalLines {
     /// The next line with its line end, which a truncated last line lacks. Refuses a line longer than
     /// [`RUN_LIST_BYTES`].
     pub fn next_line(&mut self) -> Result<Option<&[u8]>> {
-        let Some(file) = &mut self.file else { return self.next_file() };
+        Ok(if self.advance()? { Some(&self.line) } else { None })
+    }
+
+    /// Reads the next line. Returns whether there is one.
+    fn advance(&mut self) -> Result<bool> {
+        let Some(file) = &mut self.file else { return self.advance_file() };
         self.line.clear();
         self.place.line += 1;
         let name = || self.dataset.name_of(&self.place.file);
@@ -534,14 +358,14 @@ impl JournalLines {
         let read = read.map_err(|error| Error::io(name(), &error))?;
         RUN_LIST_BYTES.check(read as u64).map_err(|error| error.in_file(name()).at_line(self.place.line))?;
         if read > 0 {
-            return Ok(Some(&self.line));
+            return Ok(true);
         }
         self.file = None;
-        self.next_file()
+        self.advance_file()
     }
 
-    /// The next line that is a file of its own.
-    fn next_file(&mut self) -> Result<Option<&[u8]>> {
+    /// Reads the next line that is a file of its own.
+    fn advance_file(&mut self) -> Result<bool> {
         while self.read.is_empty() && !self.rest.is_empty() {
             let paths: Vec<DatasetPath> = self.rest.drain(..BATCH.min(self.rest.len())).collect();
             let read = requests::read(&self.dataset, &paths, &RUN_LIST_BYTES)?;
@@ -551,29 +375,23 @@ impl JournalLines {
                 // A run has joined lines since they were listed. The joined lines are read once more.
                 self.place = Place { file: layout::journal(), line: 0 };
                 self.file = self.dataset.open(&self.place.file)?.map(BufReader::new);
-                return self.next_line();
+                return self.advance();
             }
         }
-        let Some((file, line)) = self.read.pop_front() else { return Ok(None) };
+        let Some((file, line)) = self.read.pop_front() else { return Ok(false) };
         (self.place, self.line) = (Place { file, line: 1 }, line);
-        Ok(Some(&self.line))
+        Ok(true)
     }
 }
 
-/// Calls `each` with every complete line of a journal: its place, and its entry or error. Returns the size of the
-/// complete joined lines, bytes.
-fn each_line(
-    dataset: &StoreFolder,
-    mut each: impl FnMut(&Place, serde_json::Result<JournalEntry>) -> Result<()>,
-) -> Result<u64> {
+/// Calls `each` with every complete line of a journal and its place. Returns the size of the complete joined lines,
+/// bytes.
+fn each_line(dataset: &StoreFolder, mut each: impl FnMut(&Place, &[u8]) -> Result<()>) -> Result<u64> {
     let (mut lines, mut whole) = (JournalLines::open(dataset)?, 0);
-    while let Some(line) = lines.next_line()? {
-        let size = line.len() as u64;
-        let entry = line.ends_with(b"\n").then(|| serde_json::from_slice(line));
-        let is_joined = lines.place.file == layout::journal();
-        if let Some(entry) = entry {
-            whole += if is_joined { size } else { 0 };
-            each(&lines.place, entry)?;
+    while lines.advance()? {
+        if lines.line.ends_with(b"\n") {
+            whole += if lines.place.file == layout::journal() { lines.line.len() as u64 } else { 0 };
+            each(&lines.place, &lines.line)?;
         }
     }
     Ok(whole)
@@ -584,10 +402,13 @@ mod tests {
     use super::*;
     use crate::run::dataset::ending::Finished;
     use crate::run::dataset::manifest::Manifest;
+    use crate::run::dataset::records::{OWNER, Records};
+    use crate::run::dataset::scene_files::SceneFiles;
     use crate::run::making::times::RunTimes;
     use std::fs;
     use std::path::Path;
     use std::sync::Arc;
+    use syntable_model::scene::SceneId;
     use syntable_model::store::MemStore;
 
     /// A dataset in memory, and the bytes of its journal.
@@ -604,8 +425,13 @@ mod tests {
         store.insert(layout::journal(), bytes.to_vec());
     }
 
+    /// The digest that is these letters, often enough.
+    fn digest(letters: &str) -> Digest {
+        Digest::try_from(letters.repeat(16)).expect("32 letters")
+    }
+
     fn entry(scene: u32) -> JournalEntry {
-        let (writers, manifest) = (vec!["png".to_owned()], "00".to_owned());
+        let (writers, manifest) = (vec!["png".to_owned()], digest("00"));
         let outcome = SceneOutcome::Made { views: 2, objects: 3, writers, recorded: Vec::new(), manifest };
         JournalEntry::new(scene, 0, outcome)
     }
@@ -613,7 +439,7 @@ mod tests {
     #[test]
     fn a_line_states_the_outcome() {
         let made =
-            r#"{"scene":4,"attempt":0,"outcome":"made","views":2,"objects":3,"writers":["png"],"manifest":"00"}"#;
+            r#"{"scene":4,"attempt":0,"outcome":"made","views":2,"objects":3,"writers":["png"],"manifest":"00000000000000000000000000000000"}"#;
         let failed = r#"{"scene":5,"attempt":2,"outcome":"failed","errors":["a","b","c"]}"#;
         let errors = ["a", "b", "c"].map(str::to_owned).to_vec();
         let failure = JournalEntry { attempt: 2, outcome: SceneOutcome::Failed, errors, ..entry(5) };
@@ -672,7 +498,7 @@ mod tests {
             let error = Journal::open(&dataset).err().expect("damaged").to_string();
             assert!(error.contains("not a journal line") && error.contains("options.repair"), "{error}");
             assert_eq!(Journal::mend(&dataset), Ok(1));
-            let left: Vec<u32> = Journal::entries_of(&dataset).expect("mended").into_keys().collect();
+            let left: Vec<u32> = Journal::entries_of(&dataset).expect("mended").scenes().collect();
             assert_eq!(left, (0..3).filter(|scene| !lost.contains(scene)).collect::<Vec<u32>>(), "byte {byte}");
             assert_eq!(Journal::mend(&dataset), Ok(0));
         }
@@ -727,17 +553,23 @@ mod tests {
             RunTimes::of_dataset(root).err(),
             crate::run::dataset::foreign::check(&dataset).err(),
         ];
-        let shard = root.join(".syntable/shards/@records/000000.jsonl");
         let settled = layout::settled(0).below(root);
-        for path in [&shard, &settled] {
-            fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
-            hole(path);
+        fs::create_dir_all(settled.parent().expect("a folder")).expect("writable");
+        hole(&settled);
+        let mut manifest = Manifest::default();
+        let path = syntable_model::stage::shard_path(OWNER, SceneId(4)).expect("a path");
+        manifest.files.insert(path, Stamp(2 * RUN_LIST_BYTES.most, Digest::of(&[])));
+        let (text, digest) = manifest.text();
+        dataset.write(&layout::manifest(4), text.as_bytes()).expect("writable");
+        let mut listed = entry(4);
+        if let SceneOutcome::Made { manifest, .. } = &mut listed.outcome {
+            *manifest = digest;
         }
-        let scene = syntable_model::scene::SceneId(0);
-        let error = crate::run::dataset::records::Records::read(&dataset, scene).expect_err("too large").to_string();
-        let says = ["536870912 bytes of what a run records", "limit of 268435456", "000000.jsonl", "options.repair"];
+        let files = SceneFiles::new(&dataset, &Entries::from_iter([&listed]));
+        let error = Records::read(&files, SceneId(4)).expect_err("too large").to_string();
+        let says = ["536870912 bytes of what a run records", "limit of 268435456", "000004.jsonl", "options.repair"];
         assert!(says.iter().all(|part| error.contains(part)), "{error}");
-        assert!(crate::run::dataset::settled::read(&dataset, scene).is_none());
+        assert!(crate::run::dataset::settled::read(&dataset, SceneId(0)).is_none());
         for error in errors {
             let error = error.expect("too large").to_string();
             let says =
