@@ -109,7 +109,7 @@ fn a_failing_disk_is_not_called_damage() {
     let Some(library) = shim(&home) else { return };
     let data = home.join("data");
     ok(&mut small_run(&data, &[]));
-    let manifest = ".syntable/scenes/000000.json";
+    let manifest = ".syntable/scenes/000/000000.json";
     let image = files(&data).into_keys().find(|name| name.ends_with(".png")).expect("an image");
     for (inside, verb) in
         [(image.as_str(), "verify"), (manifest, "verify"), (manifest, "run"), (".syntable/shards", "run")]
@@ -523,7 +523,7 @@ fn files_of_a_lost_manifest_are_listed_with_their_scene() {
         .filter(inside)
         .filter(|name| name.contains("/1_") || name.contains("/000001_"))
         .count();
-    fs::remove_file(folder.path().join(".syntable/scenes/000001.json")).expect("there");
+    fs::remove_file(folder.path().join(".syntable/scenes/000/000001.json")).expect("there");
     let output = syntable().arg("verify").arg(folder.path()).output().expect("starts");
     let said = text(&output);
     assert_eq!(output.status.code(), Some(3), "{said}");
@@ -545,7 +545,7 @@ fn what_is_odd_about_a_pool_is_told_once() {
         let said = text(&output);
         assert!(output.status.success(), "{said}");
         assert_eq!(said.matches("no asset is of one of the classes").count(), 1, "{said}");
-        fs::remove_file(folder.path().join(".syntable/scenes/000001.json")).expect("there");
+        fs::remove_file(folder.path().join(".syntable/scenes/000/000001.json")).expect("there");
     }
 }
 

@@ -241,8 +241,14 @@ pub fn unreadable(error: Error) -> Error {
 /// # Errors
 /// If the id is not a valid name of a folder.
 pub fn shard_path(id: &str, scene: SceneId) -> Result<DatasetPath> {
-    let path = DatasetPath::new(format!("{}/shards/{id}/{:06}.jsonl", RESERVED[0], scene.0));
+    let path = DatasetPath::new(path_of_scene(&format!("{}/shards/{id}", RESERVED[0]), scene.0, "jsonl"));
     path.map_err(|error| Error::new(error.to_string()))
+}
+
+/// Path of a scene's file in a folder that has one file per scene: `folder/012/012345.json`. Each of its folders has the
+/// files of a thousand scenes, because many file systems list folders with a million files slowly.
+pub fn path_of_scene(folder: &str, scene: u32, extension: &str) -> String {
+    format!("{folder}/{:03}/{scene:06}.{extension}", scene / 1000)
 }
 
 /// Path of bytes that a writer keeps for the end of a run. Scenes that share the same bytes have files in the same folder.
@@ -334,7 +340,7 @@ mod tests {
         output.write("data/rgb/0_0.png", b"x").expect("written");
         output.write_shard(b"x").expect("written");
         let paths: Vec<String> = store.files().keys().map(ToString::to_string).collect();
-        assert_eq!(paths, ["staged/.syntable/shards/w/000003.jsonl", "staged/data/rgb/0_0.png"]);
+        assert_eq!(paths, ["staged/.syntable/shards/w/000/000003.jsonl", "staged/data/rgb/0_0.png"]);
         for id in ["../../../../w", "a/../b", "/w"] {
             let output = Output::new(&staging, id, SceneId(3));
             let finish = Finish::new(&data, id, Vec::new());

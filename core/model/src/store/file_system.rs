@@ -113,9 +113,18 @@ impl Store for FsStore {
 
     fn open(&self, path: &DatasetPath) -> Result<Option<StoredFile>> {
         let full = path.below(&self.root);
-        let opened = File::open(&full).and_then(|file| Ok((file.metadata()?.len(), file)));
+        let mut options = OpenOptions::new();
+        options.read(true);
+        // The program's own files are no links. Opening a pipe must not wait for its other end.
+        #[cfg(unix)]
+        std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, {
+            let link = if path.is_reserved() { OFlags::NOFOLLOW } else { OFlags::empty() };
+            (OFlags::NONBLOCK | link).bits().cast_signed()
+        });
+        let opened = options.open(&full).and_then(|file| Ok((file.metadata()?, file)));
         match opened {
-            Ok((size, file)) => Ok(Some(StoredFile { size, bytes: Box::new(file) })),
+            Ok((found, _)) if !found.is_file() => Err(Error::new("not a regular file").in_file(full)),
+            Ok((found, file)) => Ok(Some(StoredFile { size: found.len(), bytes: Box::new(file) })),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
             Err(error) => Err(Error::io(full, &error)),
         }

@@ -86,7 +86,7 @@ fn a_scene_that_is_there_keeps_what_it_has() {
     run(&both, &whole, 2).expect("whole");
     run(&recipe(18, THOUGHT), &grown, 2).expect("begun");
     let (before, had) = (files(&grown), entry(&grown, 1));
-    let keeps = |name: &str| name.starts_with("more/00") || name.starts_with(".syntable/scenes/000001");
+    let keeps = |name: &str| name.starts_with("more/00") || name.starts_with(".syntable/scenes/000/000001");
     for error in [lost(), Error::exceeds_device("the scene is too large")] {
         fail_next(18, 1, 9, error);
         let stopped = run(&both, &grown, 1).expect_err("stops");

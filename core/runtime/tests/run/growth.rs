@@ -128,7 +128,7 @@ fn a_scene_that_cannot_have_what_comes_later_stays_as_it_is() {
         let outcome = run(&both, &data, 1).expect("scenes 0 and 2 grow");
         assert_eq!((outcome.scenes, outcome.failed, outcome.lacking, outcome.images), (3, 0, 1, 3));
         let now = files(&data);
-        for name in ["lines/000001_0000.json", ".syntable/scenes/000001.json"] {
+        for name in ["lines/000001_0000.json", ".syntable/scenes/000/000001.json"] {
             assert!(now[name] == before[name], "{name} was changed");
         }
         let more: Vec<&String> = now.keys().filter(|name| name.starts_with("more/00")).collect();

@@ -124,7 +124,7 @@ fn entry_of(data: &Path) -> serde_json::Value {
 
 /// Changes the manifest of scene 0, and updates its digest in the journal.
 fn forge(data: &Path, change: &dyn Fn(&mut serde_json::Value)) {
-    let path = data.join(".syntable/scenes/000000.json");
+    let path = data.join(".syntable/scenes/000/000000.json");
     let text = fs::read_to_string(&path).expect("there");
     let mut manifest = serde_json::from_str(&text).expect("JSON");
     change(&mut manifest);
@@ -165,8 +165,8 @@ fn lists_name_files_of_the_dataset_alone() {
             finished(&bin.join("finished.json"));
         };
         for (list, key, make) in [
-            (".syntable/scenes/000000.json", "files", &(|| forge(&data, &of_files)) as &dyn Fn()),
-            (".syntable/scenes/000000.json", "writers", &|| forge(&data, &of_writers)),
+            (".syntable/scenes/000/000000.json", "files", &(|| forge(&data, &of_files)) as &dyn Fn()),
+            (".syntable/scenes/000/000000.json", "writers", &|| forge(&data, &of_writers)),
             (".syntable/finished.json", "files", &|| finished(&data.join(".syntable/finished.json"))),
             (".syntable/staging/0.ready/.syntable/staged.json", "stale", &|| staged("0.ready")),
             (".syntable/discard/finished.json", "files", &binned),
@@ -194,6 +194,59 @@ fn lists_name_files_of_the_dataset_alone() {
     }
 }
 
+/// A dataset with many scenes is too large to check before each run. Each of its lists is checked when it is read.
+#[test]
+fn lists_of_large_datasets_are_checked_when_they_are_read() {
+    let place = Place::new();
+    let data = place.at("data");
+    // The program counts folders.
+    let make_large = || {
+        for folder in 1..=20 {
+            fs::create_dir_all(data.join(format!(".syntable/scenes/{folder:03}"))).expect("writable");
+        }
+    };
+    let grown = format!("{RECIPE}[write.more]\nkind = \"lines\"\ninclude = [\"thought\"]\n");
+    let with = |recipe: &str, change: &dyn Fn(&mut RunOptions)| {
+        let mut options = options(&data, 1);
+        change(&mut options);
+        run_with(recipe, options, &Quiet)
+    };
+    for bad in [".syntable/lock", "../canary"] {
+        let own = |manifest: &mut serde_json::Value| {
+            manifest["files"][bad] = manifest["files"].as_object().expect("files")["lines/000000.json"].clone();
+        };
+        for change in [&(|options: &mut RunOptions| options.overwrite = true) as &dyn Fn(&mut RunOptions), &|_| {}] {
+            place.remake();
+            make_large();
+            forge(&data, &own);
+            let done = with(&grown, change);
+            let told = done.as_ref().err().map(ToString::to_string).unwrap_or_default();
+            // A text with a path outside the dataset is no list, and its scene is made again.
+            assert!(bad != ".syntable/lock" || told.contains("is reserved for the program"), "{bad}: {done:?}");
+            assert!(place.is_unharmed() && data.join(".syntable/lock").exists(), "{bad}");
+        }
+    }
+    // Links that stand for own folders and own files.
+    for (name, target) in [("scenes/001", "others"), ("settled/001", "others"), ("shards/lines/001", "others")] {
+        place.remake();
+        make_large();
+        let link = data.join(".syntable").join(name);
+        let _ = fs::remove_dir_all(&link);
+        fs::create_dir_all(link.parent().expect("a folder")).expect("writable");
+        symlink(place.at(target), &link).expect("linked");
+        for error in place.refusals(name) {
+            assert!(error.to_string().contains(name) && error.to_string().contains("link"), "{error}");
+        }
+    }
+    place.remake();
+    make_large();
+    let manifest = data.join(".syntable/scenes/000/000000.json");
+    fs::rename(&manifest, place.at("moved.json")).expect("movable");
+    symlink(place.at("moved.json"), &manifest).expect("linked");
+    with(&grown, &|_| {}).expect_err("the list is a link");
+    assert!(fs::symlink_metadata(&manifest).expect("there").is_symlink() && place.is_unharmed());
+}
+
 /// A list must not hide its names from the check behind fields that only the check reads, and a staged scene must not
 /// add a file that is reserved for the program.
 #[test]
@@ -214,7 +267,7 @@ fn no_text_and_no_place_hides_a_list() {
         fs::write(path, text).expect("writable");
     };
     for (list, says, make) in [
-        (".syntable/scenes/000000.json", "`.syntable/lock` is reserved for the program", &own as &dyn Fn()),
+        (".syntable/scenes/000/000000.json", "`.syntable/lock` is reserved for the program", &own as &dyn Fn()),
         (
             ".syntable/staging/0.ready/.syntable/staged.json",
             "`.syntable/journal.jsonl` is reserved for the program",
@@ -286,7 +339,7 @@ fn the_programs_own_folder_has_no_links_and_no_pipes() {
         (".syntable/journal.jsonl.part", &|| file(own("journal.jsonl.part"))),
         (".syntable/finished.json.part", &|| file(own("finished.json.part"))),
         (".syntable/times.jsonl", &|| file(own("times.jsonl"))),
-        (".syntable/scenes/000000.json.part", &|| file(own("scenes/000000.json.part"))),
+        (".syntable/scenes/000/000000.json.part", &|| file(own("scenes/000/000000.json.part"))),
         ("recipe.toml.part", &|| file(data.join("recipe.toml.part"))),
         ("recipe.toml", &|| file(data.join("recipe.toml"))),
         (".syntable/staging", &|| folder(own("staging"))),
@@ -299,7 +352,7 @@ fn the_programs_own_folder_has_no_links_and_no_pipes() {
         (".syntable/lock", &|| pipe(own("lock"))),
         (".syntable/journal.jsonl", &|| pipe(own("journal.jsonl"))),
         (".syntable/finished.json", &|| pipe(own("finished.json"))),
-        (".syntable/shards/lines/000000.jsonl", &|| pipe(own("shards/lines/000000.jsonl"))),
+        (".syntable/shards/lines/000/000000.jsonl", &|| pipe(own("shards/lines/000/000000.jsonl"))),
         ("recipe.toml", &|| pipe(data.join("recipe.toml"))),
     ] {
         place.remake();

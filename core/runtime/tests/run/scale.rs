@@ -1,13 +1,15 @@
 //! Datasets of many scenes, whose files are copies of one scene's. Not tests: they print times and memory.
 
-use crate::kit::{options, run_with};
+use crate::kit::{AtEvent, options, run_with};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
+use std::sync::atomic::AtomicU32;
 use std::time::Instant;
 use syntable_model::digest::Digest;
 use syntable_runtime::run::RunOptions;
 use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::run::stop::Stop;
 use syntable_testing::folder::files;
 
 fn recipe(scenes: u32) -> String {
@@ -49,7 +51,13 @@ fn simulate(root: &Path, scenes: u32) {
     let before = digest(&template(manifest)).to_string();
     let mut lines = journal.clone();
     for scene in 1..scenes {
-        let of_scene = |text: &str| text.replace("000000", &format!("{scene:06}"));
+        let folder = format!("{:03}/{scene:06}", scene / 1000);
+        let of_scene = |text: &str| text.replace("000/000000", &folder).replace("000000", &format!("{scene:06}"));
+        if scene % 1000 == 0 {
+            for path in &paths {
+                fs::create_dir_all(root.join(of_scene(path)).parent().expect("a folder")).expect("made");
+            }
+        }
         let mut text = of_scene(&template(manifest));
         for path in paths.iter().filter(|path| *path != manifest) {
             let to = root.join(of_scene(path));
@@ -64,17 +72,59 @@ fn simulate(root: &Path, scenes: u32) {
     fs::write(own.join("journal.jsonl"), lines).expect("written");
 }
 
+/// Makes a dataset with the journal of `scenes` scenes, all finished, and the files of the first one.
+fn simulate_journal(root: &Path, scenes: u32) {
+    run_with(&recipe(scenes), RunOptions { scenes: Some(0..1), ..options(root, 1) }, &Quiet).expect("made");
+    let path = root.join(".syntable/journal.jsonl");
+    let line = fs::read_to_string(&path).expect("there");
+    let assets = (0..2000).map(|number| format!("\"objects/asset-{number}\":\"{}\"", digest(&number.to_string())));
+    let mut lines = format!("{{\"assets\":{{{}}}}}\n", assets.collect::<Vec<_>>().join(","));
+    for scene in 0..scenes {
+        // The manifests differ, and a tenth of the scenes have remarks of their own.
+        let line = line.replace("\"scene\":0", &format!("\"scene\":{scene}"));
+        let (start, _) = line.rsplit_once("\"manifest\"").expect("a manifest");
+        let remark = if scene % 10 == 0 { format!(",\"choices\":{{\"lights[0]\":[{scene}]}}") } else { String::new() };
+        let _ = writeln!(lines, "{start}\"manifest\":\"{}\"{remark}}}", digest(&scene.to_string()));
+    }
+    fs::write(&path, &lines).expect("written");
+    let finished = root.join(".syntable/finished.json");
+    let text = fs::read_to_string(&finished).expect("there");
+    fs::write(finished, text.replace(&digest(&line).to_string(), &digest(&lines).to_string())).expect("written");
+}
+
+fn number(name: &str, default: u32) -> u32 {
+    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
+}
+
 #[test]
 #[ignore = "measures: cargo test --release -p syntable-runtime --test run scale -- --ignored --nocapture"]
-fn many_scenes() {
-    let scenes: u32 = std::env::var("SCENES").ok().and_then(|text| text.parse().ok()).unwrap_or(20_000);
+fn a_journal_of_a_million_scenes() {
+    let scenes = number("SCENES", 1_000_000);
+    let folder = tempfile::tempdir().expect("a folder");
+    let root = folder.path().join("data");
+    simulate_journal(&root, scenes);
+    println!("journal: {} bytes", fs::metadata(root.join(".syntable/journal.jsonl")).expect("there").len());
+    let outcome = measure("nothing to do", || run_with(&recipe(scenes), options(&root, 2), &Quiet).expect("finished"));
+    assert_eq!(outcome.scenes, scenes);
+    let status = measure("status", || syntable_runtime::run::status(&[root.as_path().into()]).expect("readable"));
+    assert_eq!(status.total.done, scenes);
+    measure("the first of ten more scenes", || {
+        let stop = Stop::default();
+        let at_first = AtEvent { number: 1, act: &|| stop.cancel(), seen: AtomicU32::new(0) };
+        let options = RunOptions { stop: stop.clone(), ..options(&root, 2) };
+        run_with(&recipe(scenes + 10), options, &at_first).expect_err("stopped");
+    });
+}
+
+#[test]
+#[ignore = "measures: cargo test --release -p syntable-runtime --test run scale -- --ignored --nocapture"]
+fn a_dataset_of_many_scenes() {
+    let scenes = number("SCENES", 20_000);
     let folder = tempfile::tempdir().expect("a folder");
     let root = folder.path().join("data");
     measure("simulate", || simulate(&root, scenes));
     println!("journal: {} bytes", fs::metadata(root.join(".syntable/journal.jsonl")).expect("there").len());
-    let run = |scenes: u32| {
-        run_with(&recipe(scenes), RunOptions { ..options(&root, 2) }, &Quiet).unwrap_or_else(|error| panic!("{error}"))
-    };
+    let run = |scenes: u32| run_with(&recipe(scenes), options(&root, 2), &Quiet).expect("it runs");
     measure("the first end", || run(scenes));
     measure("nothing to do", || run(scenes));
     measure("one scene more", || run(scenes + 1));

@@ -200,7 +200,7 @@ fn a_dataset_that_is_repaired_survives_any_fault() {
     let text = recipe(2, "\"light\"");
     let mut before = made(&text);
     before.remove("lines/000001_0000.json").expect("there");
-    before.remove(".syntable/scenes/000000.json").expect("there");
+    before.remove(".syntable/scenes/000/000000.json").expect("there");
     *before.get_mut("recipe.toml").expect("there") = b"[dataset\n".to_vec();
     everywhere("repair", &before, &command(&text, |options| options.repair = true));
 }

@@ -77,9 +77,9 @@ fn lines_that_are_gone_are_missed() {
     let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
     run(RECIPE, &whole, 2).expect("whole");
     run_scenes(RECIPE, &data, 1, Some(0..3)).expect("a part");
-    fs::write(data.join(".syntable/shards/lines/000001.jsonl"), "").expect("writable");
+    fs::write(data.join(".syntable/shards/lines/000/000001.jsonl"), "").expect("writable");
     let error = run(RECIPE, &data, 1).expect_err("the end would lose lines").to_string();
-    assert!(error.contains("shards/lines/000001.jsonl") && error.contains("options.repair"), "{error}");
+    assert!(error.contains("shards/lines/000/000001.jsonl") && error.contains("options.repair"), "{error}");
     run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
     assert_same(&whole, &data);
 }
@@ -98,7 +98,7 @@ fn files_of_a_scene_without_its_manifest_are_told_from_others() {
     };
     for lost in [vec![1], vec![0, 3], vec![0, 1, 2]] {
         for scene in &lost {
-            fs::remove_file(data.join(format!(".syntable/scenes/{scene:06}.json"))).expect("there");
+            fs::remove_file(data.join(format!(".syntable/scenes/000/{scene:06}.json"))).expect("there");
         }
         let found = verify(&data, 2).expect("a dataset");
         let want: BTreeMap<u32, Vec<String>> = lost.iter().map(|&scene| (scene, files_of(scene))).collect();

@@ -554,7 +554,7 @@ fn damaged_shards_are_named() {
     for (kind, options) in [("jsonl", ""), ("syntable", "")] {
         let folder = tempfile::tempdir().expect("a folder");
         write_all(folder.path(), "w", kind, options);
-        let shard = folder.path().join(".syntable/shards/w/000001.jsonl");
+        let shard = folder.path().join(".syntable/shards/w/000/000001.jsonl");
         let whole = std::fs::read(&shard).expect("there");
         std::fs::write(&shard, &whole[..whole.len() - 5]).expect("writable");
         let writer = writer(kind, options).expect("good options");

@@ -155,7 +155,7 @@ impl Folder {
 
     /// Whether a scene has files here.
     pub fn has_scenes(&self) -> Result<bool> {
-        self.listed_scenes().map(|scenes| !scenes.is_empty())
+        Ok(!self.listed_scenes()?.is_empty())
     }
 
     /// Whether the dataset has no finished scene; failed scenes do not count.
@@ -192,10 +192,7 @@ impl Folder {
 
     /// Scenes with a manifest, ascending.
     pub(super) fn listed_scenes(&self) -> Result<Vec<u32>> {
-        let names = self.files.list(&layout::manifests())?.into_iter();
-        let mut scenes: Vec<u32> = names.filter_map(|(name, _)| name.strip_suffix(".json")?.parse().ok()).collect();
-        scenes.sort_unstable();
-        Ok(scenes)
+        Ok(layout::manifests_in(&self.files, &layout::manifests())?.into_iter().map(|(scene, _)| scene).collect())
     }
 
     /// The manifest of a finished scene: the one that the journal names.

@@ -48,9 +48,11 @@ impl ListKind {
         let inside = inside.strip_prefix(BIN).and_then(|binned| binned.strip_prefix('/')).unwrap_or(inside);
         match inside.split_once('/') {
             None => (inside == FINISHED).then_some(Self::Finished),
-            Some((folder, name)) => {
-                (folder == SCENES && !name.contains('/') && is_manifest(name)).then_some(Self::Scene)
+            Some((SCENES, name)) => {
+                let scene: u32 = name.rsplit('/').next()?.strip_suffix(".json")?.parse().ok()?;
+                layout::manifest(scene).ends_with(&format!("/{SCENES}/{name}")).then_some(Self::Scene)
             }
+            Some(_) => None,
         }
     }
 
@@ -80,11 +82,6 @@ impl ListKind {
             }
         }
     }
-}
-
-/// Whether a file in the folder of manifests is a manifest.
-pub fn is_manifest(name: &str) -> bool {
-    name.ends_with(".json")
 }
 
 /// The number of a staged scene that is moving into place, and the rest of a path in it.
@@ -151,8 +148,13 @@ pub fn check_mark(dataset: &StoreFolder) -> Result<()> {
 
 /// Refuses a dataset whose own folder has links, whose lists name foreign files, or with a listed folder that is a
 /// link. Runs while no other program writes the dataset.
+///
+/// Of a dataset with many scenes, or in an object store, which has no links, this does not read the lists of scenes: each
+/// of them is checked when it is read.
 pub fn check(dataset: &StoreFolder) -> Result<()> {
-    let mut own = own_files(dataset)?;
+    let is_large = || Ok(dataset.list(&layout::manifests())?.len() > FEW_FOLDERS);
+    let depth = if dataset.is_remote() || is_large()? { Depth::Folders } else { Depth::Files };
+    let mut own = own_files(dataset, depth)?;
     if !own.odd.is_empty() {
         return Err(own.odd.swap_remove(0).into_error(dataset));
     }
@@ -190,8 +192,38 @@ pub struct OwnFiles {
     ready: BTreeSet<String>,
 }
 
+/// Refuses a list with a path that is reserved for the program. Other paths outside the dataset cannot be read
+/// as paths.
+pub fn check_list<'p>(
+    dataset: &StoreFolder,
+    list: &DatasetPath,
+    mut paths: impl Iterator<Item = &'p DatasetPath>,
+) -> Result<()> {
+    let kind = ListKind::at(list).unwrap_or(ListKind::Scene);
+    match paths.find(|path| path.is_reserved() && !kind.may_name(path)) {
+        None => Ok(()),
+        Some(path) => Err(StrayFile {
+            what: format!("`{path}` is reserved for the program, and no list may have it"),
+            path: list.to_string(),
+        }
+        .into_error(dataset)),
+    }
+}
+
+/// The entries that [`own_files`] looks at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Depth {
+    /// All.
+    Files,
+    /// Folders, and files that are not of one scene alone.
+    Folders,
+}
+
+/// Number of folders with the manifests of scenes up to which all manifests are checked before any change.
+const FEW_FOLDERS: usize = 10;
+
 /// Reads the program's own folder, and the recipe beside it.
-pub fn own_files(dataset: &StoreFolder) -> Result<OwnFiles> {
+pub fn own_files(dataset: &StoreFolder, depth: Depth) -> Result<OwnFiles> {
     let mut own = OwnFiles::default();
     let recipes = [RECIPE.to_owned(), format!("{RECIPE}.part")].map(|path| (path, FileKind::File));
     for (path, expected) in [(MARK.to_owned(), FileKind::Folder)].into_iter().chain(recipes) {
@@ -200,18 +232,20 @@ pub fn own_files(dataset: &StoreFolder) -> Result<OwnFiles> {
         }
     }
     if own.odd.is_empty() {
-        walk(dataset, MARK, &mut own)?;
+        walk(dataset, MARK, depth, &mut own)?;
     }
     own.odd.sort_unstable();
     own.lists.sort_unstable();
     Ok(own)
 }
 
-fn walk(dataset: &StoreFolder, inside: &str, own: &mut OwnFiles) -> Result<()> {
+fn walk(dataset: &StoreFolder, inside: &str, depth: Depth, own: &mut OwnFiles) -> Result<()> {
     for (name, kind) in dataset.list(inside).map_err(unreadable)? {
         let path = format!("{inside}/{name}");
         if kind == FileKind::Folder {
-            walk(dataset, &path, own)?;
+            if depth == Depth::Files || !layout::is_of_scenes(&path) {
+                walk(dataset, &path, depth, own)?;
+            }
             own.ready.extend(ready_folder(&path).map(str::to_owned));
         } else if kind != FileKind::File {
             own.odd.push(StrayFile { what: what_is(kind, FileKind::File), path });
@@ -355,11 +389,11 @@ mod tests {
     fn lists_are_known_by_their_place() {
         for (path, kind) in [
             (".syntable/finished.json", Some(ListKind::Finished)),
-            (".syntable/scenes/000003.json", Some(ListKind::Scene)),
+            (".syntable/scenes/000/000003.json", Some(ListKind::Scene)),
             (".syntable/discard/finished.json", Some(ListKind::Finished)),
-            (".syntable/discard/scenes/000003.json", Some(ListKind::Scene)),
+            (".syntable/discard/scenes/000/000003.json", Some(ListKind::Scene)),
             (".syntable/staging/3.ready/.syntable/staged.json", Some(ListKind::Staged)),
-            (".syntable/staging/3.ready/.syntable/scenes/000003.json", Some(ListKind::Scene)),
+            (".syntable/staging/3.ready/.syntable/scenes/000/000003.json", Some(ListKind::Scene)),
             // Files of a writer with the id `scenes`, or with a file `finished.json`.
             (".syntable/staging/3.ready/scenes/000003.json", None),
             (".syntable/staging/3.ready/finished.json", None),
@@ -369,7 +403,7 @@ mod tests {
             (".syntable/shards/scenes/000003.json", None),
             (".syntable/quarantine/000003/scenes/000003.json", None),
             (".syntable/scenes/old/000003.json", None),
-            (".syntable/scenes/000003.json.part", None),
+            (".syntable/scenes/000/000003.json.part", None),
             (".syntable/staged.json", None),
             ("scenes/000003.json", None),
         ] {

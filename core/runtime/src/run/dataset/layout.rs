@@ -8,11 +8,11 @@
 //! .syntable/claims/000012.json  the claim of a worker on the scenes of a block, until they are made
 //! .syntable/staging/w-<worker>/ unfinished scenes of a worker
 //! .syntable/shard.json          number of the shard, if the dataset is one
-//! .syntable/scenes/000003.json  manifest of a scene: its files with sizes and digests
+//! .syntable/scenes/000/000003.json manifest of a scene: its files with sizes and digests
 //! .syntable/finished.json       manifest of the files that the end of a run wrote
 //! .syntable/catalogs/<pool>.json names, categories and numbers of the assets of a pool
-//! .syntable/settled/000003.toml result of settling, so that a scene is made again without simulating it
-//! .syntable/shards/<writer>/    input of `finish`, one file per scene
+//! .syntable/settled/000/000003.toml result of settling, so that a scene is made again without simulating it
+//! .syntable/shards/<writer>/000/ input of `finish`, one file per scene
 //! .syntable/shards/<writer>/shared/<digest>/000003  the same for bytes that several scenes share
 //! .syntable/times.jsonl         working time of stages, one line per run
 //! .syntable/staging/3.part/     an unfinished scene
@@ -25,6 +25,7 @@
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
 use syntable_model::files::{DatasetPath, RESERVED};
+use syntable_model::stage::path_of_scene;
 use syntable_model::store::{Kind, StoreFolder};
 
 /// The program's own folder.
@@ -123,12 +124,42 @@ pub fn manifests() -> DatasetPath {
 
 /// The manifest of a scene.
 pub fn manifest(scene: u32) -> DatasetPath {
-    own(&format!("{SCENES}/{scene:06}.json"))
+    known(&path_of_scene(&format!("{MARK}/{SCENES}"), scene, "json"))
+}
+
+/// Whether a folder of the program's own has only files of scenes: manifests, results of settling, or shards.
+pub fn is_of_scenes(path: &str) -> bool {
+    let inside: Vec<&str> = path.strip_prefix(MARK).unwrap_or_default().split('/').skip(1).collect();
+    match inside[..] {
+        [SCENES | "settled", _] | ["shards", _, "shared", _] => true,
+        ["shards", _, folder] => folder != "shared",
+        _ => false,
+    }
+}
+
+/// The manifests in a folder of manifests, by scene.
+///
+/// # Errors
+/// If a folder cannot be read.
+pub fn manifests_in(dataset: &StoreFolder, folder: &DatasetPath) -> Result<Vec<(u32, DatasetPath)>> {
+    let mut found = Vec::new();
+    for (name, kind) in dataset.list(folder)? {
+        let Some(inner) = DatasetPath::new(name).ok().filter(|_| kind == Kind::Folder) else { continue };
+        let inner = folder.join(&inner);
+        let names = dataset.list(&inner)?.into_iter();
+        found.extend(names.filter_map(|(name, _)| {
+            let scene: u32 = name.strip_suffix(".json")?.parse().ok()?;
+            let path = known(&path_of_scene(folder, scene, "json"));
+            (path.as_str() == format!("{inner}/{name}")).then_some((scene, path))
+        }));
+    }
+    found.sort_unstable();
+    Ok(found)
 }
 
 /// The result of settling a scene.
 pub fn settled(scene: u32) -> DatasetPath {
-    own(&format!("settled/{scene:06}.toml"))
+    known(&path_of_scene(&format!("{MARK}/settled"), scene, "toml"))
 }
 
 /// The names of a pool's assets.

@@ -1,6 +1,6 @@
 //! Lists of files with their sizes and digests.
 
-use crate::run::dataset::foreign::read_list;
+use crate::run::dataset::foreign::{self, read_list};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -132,7 +132,18 @@ impl Manifest {
     }
 
     /// Reads a manifest, with its digest. Returns `None` if the file is missing or not a manifest.
+    ///
+    /// # Errors
+    /// If it cannot be read, or names files that are reserved for the program.
     pub fn read(dataset: &StoreFolder, path: &DatasetPath) -> Result<Option<(Self, Digest)>> {
+        let Some((manifest, digest)) = Self::read_any(dataset, path)? else { return Ok(None) };
+        let paths = manifest.files.keys().chain(manifest.writers.values().flatten());
+        foreign::check_list(dataset, path, paths)?;
+        Ok(Some((manifest, digest)))
+    }
+
+    /// As [`read`](Self::read), but the manifest may name any file. For code that changes nothing.
+    pub fn read_any(dataset: &StoreFolder, path: &DatasetPath) -> Result<Option<(Self, Digest)>> {
         let Some(text) = read_list(dataset, path).map_err(unreadable)?.and_then(|bytes| String::from_utf8(bytes).ok())
         else {
             return Ok(None);

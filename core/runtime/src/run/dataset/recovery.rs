@@ -90,11 +90,8 @@ impl Folder {
                 Some(_) => {}
             }
         }
-        let mut manifests: Vec<DatasetPath> = vec![layout::binned(FINISHED)];
-        let names = self.files.list(&layout::binned(SCENES))?;
-        let names = names.into_iter().map(|(name, _)| name).filter(|name| foreign::is_manifest(name));
-        manifests.extend(names.filter_map(|name| Some(layout::binned(SCENES).join(&DatasetPath::new(name).ok()?))));
-        for path in manifests {
+        let of_scenes = layout::manifests_in(&self.files, &layout::binned(SCENES))?.into_iter().map(|(_, path)| path);
+        for path in [layout::binned(FINISHED)].into_iter().chain(of_scenes) {
             let Some((manifest, _)) = Manifest::read(&self.files, &path)? else { continue };
             manifest.files.keys().try_for_each(|path| self.files.remove(path))?;
         }

@@ -2,7 +2,7 @@
 
 use crate::run::dataset::ending::{self, Finished};
 use crate::run::dataset::folder::each_file;
-use crate::run::dataset::foreign::{self, StrayFile};
+use crate::run::dataset::foreign::{self, Depth, StrayFile};
 use crate::run::dataset::journal::Journal;
 use crate::run::dataset::layout::{self, MARK, RECIPE};
 use crate::run::dataset::locking::lock;
@@ -67,7 +67,7 @@ pub fn verify(dataset: impl Into<StoreFolder>, threads: usize) -> Result<Verifie
 
 /// Compares a dataset with an open folder.
 pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> Result<Verified> {
-    let own = foreign::own_files(dataset)?;
+    let own = foreign::own_files(dataset, Depth::Files)?;
     if !own.odd.is_empty() {
         let mut found = Verified::default();
         found.add_odd(own.odd);
@@ -132,7 +132,7 @@ pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> R
 fn scene_files(dataset: &StoreFolder, scene: u32, digest: Digest, wrong: &mut Verified) -> Result<Option<Manifest>> {
     let path = layout::manifest(scene);
     wrong.files += 1;
-    let manifest = match Manifest::read(dataset, &path)? {
+    let manifest = match Manifest::read_any(dataset, &path)? {
         Some((manifest, found)) => {
             if found != digest {
                 wrong.damaged.push(path.to_string());
@@ -219,7 +219,7 @@ impl Patterns {
             return Ok(Self { lost, example: 0, numbers: None });
         };
         let manifest =
-            Manifest::read(dataset, &layout::manifest(example))?.map(|(manifest, _)| manifest).unwrap_or_default();
+            Manifest::read_any(dataset, &layout::manifest(example))?.map(|(manifest, _)| manifest).unwrap_or_default();
         let mut all: HashMap<String, Vec<Vec<u32>>> = HashMap::new();
         for path in manifest.files.keys() {
             let (shape, numbers) = split(path);

@@ -535,7 +535,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let root = folder.path();
         let path = root.join(".syntable/journal.jsonl");
-        fs::create_dir_all(root.join(".syntable/scenes")).expect("writable");
+        fs::create_dir_all(root.join(".syntable/scenes/000")).expect("writable");
         let dataset = StoreFolder::from(root);
         let mut journal = Journal::open(&dataset).expect("new");
         (0..3).for_each(|scene| journal.append(entry(scene)).expect("written"));
@@ -545,7 +545,7 @@ mod tests {
             file.set_len(2 * RUN_LIST_BYTES.most).expect("a hole");
         };
         let lists =
-            ["scenes/000000.json", "finished.json", "times.jsonl"].map(|name| root.join(".syntable").join(name));
+            ["scenes/000/000000.json", "finished.json", "times.jsonl"].map(|name| root.join(".syntable").join(name));
         lists.iter().chain([&path]).for_each(|path| hole(path));
         let errors = [
             Manifest::read(&dataset, &layout::manifest(0)).err(),
