@@ -143,20 +143,21 @@ impl StoreFolder {
         self.store.share(&*from.store, &from.whole(path), &self.whole(to))
     }
 
-    /// Copies a new file from another folder, without storing its bytes again if the store can.
+    /// Copies a new file from another folder, without storing its bytes again if the store can. Returns whether both files
+    /// have the same bytes for that reason.
     ///
     /// # Errors
     /// If the file cannot be read or written, or `to` exists.
-    pub fn copy(&self, from: &Self, path: &DatasetPath, to: &DatasetPath) -> Result<()> {
+    pub fn copy(&self, from: &Self, path: &DatasetPath, to: &DatasetPath) -> Result<bool> {
         if self.share(from, path, to)? {
-            return Ok(());
+            return Ok(true);
         }
         let gone = || Error::io(from.name_of(path), &io::ErrorKind::NotFound.into());
         let there = || Error::io(self.name_of(to), &io::ErrorKind::AlreadyExists.into());
         let mut opened = from.open(path)?.ok_or_else(gone)?;
         let mut file = self.create(to)?.ok_or_else(there)?;
         let copied = io::copy(&mut opened, &mut file).and_then(|_| file.flush());
-        copied.map_err(|error| Error::io(self.name_of(to), &error))
+        copied.map(|()| false).map_err(|error| Error::io(self.name_of(to), &error))
     }
 
     /// Moves a file or a folder; see [`Store::rename`].

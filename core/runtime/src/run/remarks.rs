@@ -74,10 +74,10 @@ impl DatasetRemarks {
 
     fn add(&mut self, entry: &JournalEntry) {
         for notice in Notice::reported(&entry.notices) {
-            let with = self.scenes.entry(notice).or_insert_with(|| ScenesWith {
-                first: entry.notices.clone(),
-                ..ScenesWith::default()
-            });
+            let with = self
+                .scenes
+                .entry(notice)
+                .or_insert_with(|| ScenesWith { first: entry.notices.clone(), ..ScenesWith::default() });
             with.scenes += 1;
             with.views += entry.views();
         }

@@ -1,20 +1,26 @@
 //! Datasets of many scenes, whose files are copies of one scene's. Not tests: they print times and memory.
 
-use crate::kit::{AtEvent, options, run_with};
+use crate::kit::{AtEvent, options, registry, run_with};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::AtomicU32;
 use std::time::Instant;
 use syntable_model::digest::Digest;
-use syntable_runtime::run::RunOptions;
+use syntable_model::store::StoreFolder;
 use syntable_runtime::run::progress::Quiet;
 use syntable_runtime::run::stop::Stop;
+use syntable_runtime::run::{MergeOptions, RunOptions, merge};
 use syntable_testing::folder::files;
 
 fn recipe(scenes: u32) -> String {
+    recipe_of(scenes, 1)
+}
+
+fn recipe_of(scenes: u32, views: u32) -> String {
     format!(
-        "[dataset]\nscenes = {scenes}\nviews_per_scene = 1\nname = \"many\"\n[[place]]\nkind = \"boxes\"\n\
+        "[dataset]\nscenes = {scenes}\nviews_per_scene = {views}\nname = \"many\"\n[[place]]\nkind = \"boxes\"\n\
          [render]\nkind = \"sleeper\"\n[annotate.thinker]\n[write.lines]\ninclude = [\"thought\"]\n"
     )
 }
@@ -40,36 +46,49 @@ fn digest(text: &str) -> Digest {
     Digest::of_reader(text.as_bytes()).expect("memory").0
 }
 
-/// Makes a dataset of `scenes` scenes in which each has the files of the first one, with its own number.
-fn simulate(root: &Path, scenes: u32) {
-    run_with(&recipe(1), options(root, 1), &Quiet).expect("made");
-    let own = root.join(".syntable");
-    let template = |path: &str| fs::read_to_string(root.join(path)).expect("there");
-    let paths: Vec<String> = files(root).into_keys().filter(|path| path.contains("000000")).collect();
-    let manifest = paths.iter().find(|path| path.starts_with(".syntable/scenes/")).expect("a manifest");
-    let journal = template(".syntable/journal.jsonl");
-    let before = digest(&template(manifest)).to_string();
-    let mut lines = journal.clone();
-    for scene in 1..scenes {
-        let folder = format!("{:03}/{scene:06}", scene / 1000);
-        let of_scene = |text: &str| text.replace("000/000000", &folder).replace("000000", &format!("{scene:06}"));
-        if scene % 1000 == 0 {
-            for path in &paths {
-                fs::create_dir_all(root.join(of_scene(path)).parent().expect("a folder")).expect("made");
+/// Makes a dataset of some scenes of a recipe. Each has the files of the first one, with its own number, and a shard of
+/// some bytes.
+fn simulate(root: &Path, recipe: &str, scenes: impl Iterator<Item = u32>, shard_bytes: usize) {
+    let mut scenes = scenes.peekable();
+    let first = *scenes.peek().expect("a scene");
+    run_with(recipe, RunOptions { scenes: Some(first..first + 1), ..options(root, 1) }, &Quiet).expect("made");
+    let number = |scene: u32| format!("{scene:06}");
+    let read = |path: &str| fs::read_to_string(root.join(path)).expect("there");
+    let mut contents: BTreeMap<String, String> = files(root)
+        .into_keys()
+        .filter(|path| path.contains(&number(first)))
+        .map(|path| (path.clone(), read(&path)))
+        .collect();
+    let is_manifest = |path: &str| path.starts_with(".syntable/scenes/");
+    let manifest = contents.keys().find(|path| is_manifest(path)).expect("a manifest").clone();
+    let shard = contents.keys().find(|path| path.starts_with(".syntable/shards/")).expect("a shard").clone();
+    let stamp = |text: &str| format!("[{},\"{}\"]", text.len(), digest(text));
+    let mut listing = contents.remove(&manifest).expect("there");
+    let line = read(".syntable/journal.jsonl");
+    let before = digest(&listing).to_string();
+    let text = "a shard\n".repeat(shard_bytes / 8);
+    listing = listing.replace(&stamp(&contents[&shard]), &stamp(&text));
+    contents.insert(shard, text);
+    let mut lines = String::new();
+    let mut folder = u32::MAX;
+    for scene in scenes {
+        let [from, to] = [first, scene].map(|scene| format!("{:03}/{scene:06}", scene / 1000));
+        let of_scene = |text: &str| text.replace(&from, &to).replace(&number(first), &number(scene));
+        let write = |path: &str, text: &str| {
+            let path = root.join(of_scene(path));
+            if scene / 1000 != folder {
+                fs::create_dir_all(path.parent().expect("a folder")).expect("made");
             }
-        }
-        let mut text = of_scene(&template(manifest));
-        for path in paths.iter().filter(|path| *path != manifest) {
-            let to = root.join(of_scene(path));
-            let content = template(path);
-            fs::write(&to, &content).expect("written");
-        }
-        text = text.replace("\"scene\":0", &format!("\"scene\":{scene}"));
-        fs::write(root.join(of_scene(manifest)), &text).expect("written");
-        let line = journal.replace("\"scene\":0", &format!("\"scene\":{scene}"));
-        let _ = write!(lines, "{}", line.replace(&before, &digest(&text).to_string()));
+            fs::write(path, text).expect("written");
+        };
+        contents.iter().for_each(|(path, text)| write(path, text));
+        let listing = of_scene(&listing);
+        write(&manifest, &listing);
+        folder = scene / 1000;
+        let line = line.replace(&format!("\"scene\":{first}"), &format!("\"scene\":{scene}"));
+        lines += &line.replace(&before, &digest(&listing).to_string());
     }
-    fs::write(own.join("journal.jsonl"), lines).expect("written");
+    fs::write(root.join(".syntable/journal.jsonl"), lines).expect("written");
 }
 
 /// Makes a dataset with the journal of `scenes` scenes, all finished, and the files of the first one.
@@ -122,10 +141,33 @@ fn a_dataset_of_many_scenes() {
     let scenes = number("SCENES", 20_000);
     let folder = tempfile::tempdir().expect("a folder");
     let root = folder.path().join("data");
-    measure("simulate", || simulate(&root, scenes));
+    measure("simulate", || simulate(&root, &recipe(scenes), 0..scenes, 40));
     println!("journal: {} bytes", fs::metadata(root.join(".syntable/journal.jsonl")).expect("there").len());
     let run = |scenes: u32| run_with(&recipe(scenes), options(&root, 2), &Quiet).expect("it runs");
     measure("the first end", || run(scenes));
     measure("nothing to do", || run(scenes));
     measure("one scene more", || run(scenes + 1));
+}
+
+#[test]
+#[ignore = "measures: cargo test --release -p syntable-runtime --test run scale -- --ignored --nocapture"]
+fn a_merge_of_many_images() {
+    let images = number("IMAGES", 50_000);
+    let (views, scenes) = (50, images / 50);
+    let folder = tempfile::tempdir().expect("a folder");
+    let parts: Vec<StoreFolder> = (0..3)
+        .map(|part| {
+            let root = folder.path().join(format!("part-{part}"));
+            // 200 bytes for each of 15 objects of a view.
+            simulate(&root, &recipe_of(scenes, views), (part..scenes).step_by(3), 200 * 15 * views as usize);
+            root.as_path().into()
+        })
+        .collect();
+    for threads in [1, 2] {
+        let out = folder.path().join(format!("merged-{threads}"));
+        let merged = measure(&format!("merge {images} images with {threads} threads"), || {
+            merge(&registry(), &*out, &parts, &MergeOptions::new(threads), &Quiet).expect("merged")
+        });
+        assert_eq!(merged.images, images);
+    }
 }

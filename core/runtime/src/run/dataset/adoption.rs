@@ -3,7 +3,7 @@
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout;
-use crate::run::dataset::manifest::{FileState, Manifest, Written};
+use crate::run::dataset::manifest::{FileState, Files, Manifest, Written};
 use parking_lot::Mutex;
 use syntable_model::error::{Error, Result};
 
@@ -17,7 +17,7 @@ impl Folder {
                 .help("a run with `options.repair`, the part's recipe and folder makes the scene again")
         };
         let staged = self.stage(entry.scene)?;
-        let mut written = Written::new();
+        let (mut written, mut known) = (Written::new(), Files::new());
         if let Some(digest) = entry.manifest() {
             let path = layout::manifest(entry.scene);
             let Some((manifest, found)) = Manifest::read(files, &path)? else { return Err(damaged(&path)) };
@@ -34,11 +34,14 @@ impl Folder {
                     }
                     FileState::Missing | FileState::Damaged => return Err(damaged(inside)),
                 }
-                staged.copy(files, inside, inside)?;
+                // A link to a file that was just compared is not read again.
+                if staged.copy(files, inside, inside)? {
+                    known.insert(inside.clone(), *stamp);
+                }
             }
             written = manifest.writers;
         }
-        let merged = self.commit(entry.clone(), Manifest::default(), written, journal)?;
+        let merged = self.commit_known(entry.clone(), Manifest::default(), written, &known, journal)?;
         if merged == *entry { Ok(()) } else { Err(damaged("")) }
     }
 }

@@ -3,7 +3,7 @@
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, SceneLine, SceneOutcome};
 use crate::run::dataset::layout::{self, MARK, RECORD};
-use crate::run::dataset::manifest::{FileState, Manifest, Stamp, Written};
+use crate::run::dataset::manifest::{FileState, Files, Manifest, Stamp, Written};
 use crate::run::dataset::records::OWNER;
 use crate::run::dataset::requests;
 use crate::run::dataset::staging::{part, ready};
@@ -54,9 +54,21 @@ impl Folder {
     /// the manifest's digest.
     pub fn commit(
         &self,
+        entry: JournalEntry,
+        kept: Manifest,
+        written: Written,
+        journal: &Mutex<Journal>,
+    ) -> Result<JournalEntry> {
+        self.commit_known(entry, kept, written, &Files::new(), journal)
+    }
+
+    /// As [`commit`](Self::commit), with staged files whose digests are known and that are on the disk already.
+    pub(super) fn commit_known(
+        &self,
         mut entry: JournalEntry,
         kept: Manifest,
         written: Written,
+        known: &Files,
         journal: &Mutex<Journal>,
     ) -> Result<JournalEntry> {
         let scene = entry.scene;
@@ -68,7 +80,7 @@ impl Folder {
             stale.files.insert(layout::manifest(scene), Stamp(0, Digest::of(&[])));
             Manifest::default()
         } else {
-            Manifest::of_tree(&staged)?
+            Manifest::of_tree(&staged, known)?
         };
         let mut manifest = kept;
         manifest.writers.extend(written);

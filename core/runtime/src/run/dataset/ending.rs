@@ -6,7 +6,7 @@ use crate::run::dataset::foreign;
 use crate::run::dataset::journal::Journal;
 use crate::run::dataset::layout::{self, RECIPE};
 use crate::run::dataset::loss::Loss;
-use crate::run::dataset::manifest::{FileState, Manifest, Stamp};
+use crate::run::dataset::manifest::{FileState, Files, Manifest, Stamp};
 use crate::run::dataset::staging::FINISH;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -102,7 +102,7 @@ impl Folder {
     ) -> Result<()> {
         let staged = self.staged(FINISH);
         let old = self.finished()?.manifest;
-        let mut new = Manifest::of_tree(&staged)?;
+        let mut new = Manifest::of_tree(&staged, &Files::new())?;
         let lost = !old.has(RECIPE);
         let mut refused = None;
         for (path, stamp) in new.files.clone() {

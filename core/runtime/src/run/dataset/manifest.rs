@@ -16,11 +16,14 @@ use syntable_model::store::{Kind, StoreFolder};
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Size and digest of each file.
-    pub files: BTreeMap<DatasetPath, Stamp>,
+    pub files: Files,
     /// The files of each writer; the result of settling has none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub writers: Written,
 }
+
+/// Files with their sizes and digests.
+pub type Files = BTreeMap<DatasetPath, Stamp>;
 
 /// Files of a scene by the id of their writer.
 pub type Written = BTreeMap<String, BTreeSet<DatasetPath>>;
@@ -97,22 +100,28 @@ impl Stamp {
 }
 
 impl Manifest {
-    /// Lists the files of a folder, and syncs them to disk.
-    pub fn of_tree(folder: &StoreFolder) -> Result<Self> {
+    /// Lists the files of a folder, and syncs them to disk. Files that are `known` are neither read nor synced.
+    pub fn of_tree(folder: &StoreFolder, known: &Files) -> Result<Self> {
         let mut manifest = Self::default();
-        manifest.add_tree(folder, "")?;
+        manifest.add_tree(folder, "", known)?;
         Ok(manifest)
     }
 
-    fn add_tree(&mut self, folder: &StoreFolder, inside: &str) -> Result<()> {
+    fn add_tree(&mut self, folder: &StoreFolder, inside: &str, known: &Files) -> Result<()> {
         for (name, kind) in folder.list(inside)? {
             let inside = if inside.is_empty() { name } else { format!("{inside}/{name}") };
             match kind {
-                Kind::Folder => self.add_tree(folder, &inside)?,
+                Kind::Folder => self.add_tree(folder, &inside, known)?,
                 Kind::File => {
                     let path = DatasetPath::new(inside).map_err(|error| Error::new(error.to_string()))?;
-                    let stamp = Stamp::of(folder, &path)?;
-                    folder.sync(&path)?;
+                    let stamp = match known.get(&path) {
+                        Some(stamp) => *stamp,
+                        None => {
+                            let stamp = Stamp::of(folder, &path)?;
+                            folder.sync(&path)?;
+                            stamp
+                        }
+                    };
                     self.files.insert(path, stamp);
                 }
                 Kind::Link | Kind::Other => {

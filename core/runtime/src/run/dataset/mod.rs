@@ -16,8 +16,8 @@ mod proposal;
 pub(crate) mod records;
 mod recovery;
 mod requests;
-pub(crate) mod settled;
 pub(crate) mod scene_files;
+pub(crate) mod settled;
 mod staging;
 mod staging_area;
 #[cfg(test)]

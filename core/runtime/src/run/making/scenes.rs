@@ -90,7 +90,8 @@ pub fn make(
     let line_of = |scene: &u32| journal.entries().get(*scene);
     let whole = todo.scenes.iter().filter(|(_, job)| job.lacks.is_none());
     let new = made_aside + whole.filter_map(|(scene, _)| line_of(scene)).map(|line| line.views()).sum::<u32>();
-    let changed = |(scene, job): &(&u32, &Job)| job.lacks.is_some() && line_of(scene).map(|line| line.entry()) != job.present;
+    let changed =
+        |(scene, job): &(&u32, &Job)| job.lacks.is_some() && line_of(scene).map(|line| line.entry()) != job.present;
     let grown = todo.scenes.iter().filter(changed).count() as u32;
     Ok(MadeScenes { folder, journal, resolved, new, grown, lacking, told })
 }
@@ -246,7 +247,8 @@ impl SceneWork<'_> {
         // The real end counts the omitted data of the trial.
         let dataset = recipe.dataset_info();
         let lender = DatasetLender::new(DatasetContext::new(&dataset, *workers, *log));
-        let Ended { writers, annotators } = annotate_and_finish(recipe, &lender, folder, &Entries::from_iter([entry]), &trial);
+        let Ended { writers, annotators } =
+            annotate_and_finish(recipe, &lender, folder, &Entries::from_iter([entry]), &trial);
         folder.drop_trial()?;
         // An annotator of the dataset may need more than one scene.
         if let Some(error) = annotators.filter(|error| Recovery::of(error) == Recovery::Stop) {

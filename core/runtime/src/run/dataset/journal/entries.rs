@@ -217,8 +217,7 @@ impl Entries {
 
     fn pack(&mut self, entry: &JournalEntry) -> Packed {
         let (failed, component) = (entry.failed(), entry.component.clone());
-        let form =
-            Form { failed, writers: entry.writers().to_vec(), recorded: entry.recorded().to_vec(), component };
+        let form = Form { failed, writers: entry.writers().to_vec(), recorded: entry.recorded().to_vec(), component };
         let json = |list: &[String]| serde_json::to_string(list).expect("texts");
         let key = RawForm {
             outcome: if failed { "failed" } else { "made" },

@@ -113,10 +113,7 @@ impl Journal {
         Self::readable_lines(&dataset.into(), |_| ())
     }
 
-    fn readable_lines(
-        dataset: &StoreFolder,
-        mut each: impl FnMut(u32),
-    ) -> Result<(Entries, Vec<String>)> {
+    fn readable_lines(dataset: &StoreFolder, mut each: impl FnMut(u32)) -> Result<(Entries, Vec<String>)> {
         let (mut entries, mut faults, mut more) = (EntriesBuilder::default(), Vec::new(), 0_u64);
         each_line(dataset, |place, line| {
             match entries.add(line) {
@@ -438,8 +435,7 @@ mod tests {
 
     #[test]
     fn a_line_states_the_outcome() {
-        let made =
-            r#"{"scene":4,"attempt":0,"outcome":"made","views":2,"objects":3,"writers":["png"],"manifest":"00000000000000000000000000000000"}"#;
+        let made = r#"{"scene":4,"attempt":0,"outcome":"made","views":2,"objects":3,"writers":["png"],"manifest":"00000000000000000000000000000000"}"#;
         let failed = r#"{"scene":5,"attempt":2,"outcome":"failed","errors":["a","b","c"]}"#;
         let errors = ["a", "b", "c"].map(str::to_owned).to_vec();
         let failure = JournalEntry { attempt: 2, outcome: SceneOutcome::Failed, errors, ..entry(5) };
