@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pathlib
+import pickle
 import signal
 import subprocess
 import sys
@@ -340,3 +341,50 @@ def test_a_view_without_objects_has_columns():
     made = row(st.Sample(held), list(values))
     assert made["visible_mask"].shape == (0, 48, 64) and made["amodal_box"].shape == (0, 4)
     assert made["occlusion_rate"].shape == (0,) and made["object_info"] == "{}" and made["object_name"] == []
+
+
+def test_a_node_that_joins_gets_workers(cluster, recipe, whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(_running, "NODES_S", 0.2)
+    joined, most = [], 0
+
+    def heard(event):
+        nonlocal most
+        if event["event"] == "scene":
+            if not joined:
+                joined.append(cluster.add_node(**NODE))
+            most = max(most, len(workers()))
+
+    outcome = on_ray.run(recipe.set("dataset.scenes", 60), tmp_path / "data", lease=LEASE, progress=heard)
+    cluster.remove_node(joined[0])
+    assert outcome.complete and most == 4
+
+
+def test_a_working_folder_brings_assets(cluster, tmp_path, monkeypatch):
+    here, elsewhere = tmp_path / "here", tmp_path / "elsewhere"
+    (here / "objects/box").mkdir(parents=True)
+    corners = ["v 0 0 0", "v 0.1 0 0", "v 0 0.1 0", "v 0 0 0.1"]
+    (here / "objects/box/box.obj").write_text("\n".join([*corners, "f 1 3 2", "f 1 2 4", "f 2 3 4", "f 3 1 4"]) + "\n")
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    recipe = small_recipe(
+        **{
+            "dataset.scenes": 1,
+            "assets.mine": {"kind": "mesh_folder", "root": "objects", "license": "CC0-1.0"},
+            "place[2].from": "mine",
+        }
+    )
+    with pytest.raises(st.RecipeError, match="objects does not exist"):
+        on_ray.run(recipe, tmp_path / "data")
+    # A program that has not called ray.init.
+    code = """
+import pickle, sys, syntable.ray
+recipe, out, folder = pickle.load(open(sys.argv[1], "rb"))
+outcome = syntable.ray.run(recipe, out, runtime_env={"working_dir": folder}, progress=True)
+sys.exit(not (outcome.scenes == 1 and outcome.failed == 0))
+"""
+    (tmp_path / "call").write_bytes(pickle.dumps((recipe, str(tmp_path / "data"), str(here))))
+    environment = {**os.environ, "RAY_ADDRESS": cluster.address}
+    command = [sys.executable, "-c", code, str(tmp_path / "call")]
+    ended = subprocess.run(command, env=environment, timeout=120, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+    assert "2 of 2 images" in ended.stderr

@@ -9,7 +9,7 @@ import re
 import socket
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -269,6 +269,15 @@ def is_url(out: str) -> bool:
 def place() -> str:
     """This node, in words."""
     return f"node {socket.gethostname()} ({ray.util.get_node_ip_address()})"
+
+
+def connect(runtime_env: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Connects the program with its cluster. Returns the environment that tasks still need."""
+    env = None if runtime_env is None else dict(runtime_env)
+    if ray.is_initialized():
+        return env
+    ray.init(runtime_env=env)
+    return None
 
 
 def options(threads: int, gpus: float, runtime_env: dict[str, Any] | None, **more: Any) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from ..generating import scene_range, thread_count
 from ..progress import Event, Progress, listener
 from ..recipes import Recipe, as_recipe
 from ..verbs import Outcome
-from ._nodes import Job, Probe, Unfit, is_url, options, place
+from ._nodes import Job, Probe, Unfit, connect, is_url, options, place
 
 __all__ = ["run"]
 
@@ -82,7 +82,8 @@ def run(
             recipe.
         allow_code: Run code that the recipe brings: native libraries and programs.
         runtime_env: Ray's environment of the workers, such as ``{"env_vars": …}`` for credentials, or
-            ``{"working_dir": …}`` for a folder with assets, from which relative paths then start.
+            ``{"working_dir": …}`` for a folder with assets, from which relative paths then start. Ray copies a folder of
+            this machine only if the program has not called ``ray.init``, or has passed it there.
         progress: Shows progress, or receives every event of all workers; see `Progress`.
 
     Returns:
@@ -113,9 +114,8 @@ def run(
     )
     block, _ = claim_of(claim, lease) or (1, lease)
     first, end = made or (0, recipe.scenes)
-    if not ray.is_initialized():
-        ray.init()
-    team = Team(order, reserved, math.ceil(max(end - first, 1) / block), runtime_env, heard)
+    env = connect(runtime_env)
+    team = Team(order, reserved, math.ceil(max(end - first, 1) / block), env, heard)
     return team.run()
 
 
@@ -274,16 +274,16 @@ class Team:
         order: Order,
         reserved: Reserved,
         most: int,
-        runtime_env: Mapping[str, Any] | None,
+        runtime_env: dict[str, Any] | None,
         heard: Callable[[Event], None],
     ) -> None:
         threads = reserved.threads_of(nodes_now())
-        self._probe = Probe.new(order.out)
-        self._order = replace(order, threads=threads, probe=self._probe)
+        self._order = replace(order, threads=threads)
+        self._probe = Probe(order.out, None)
         self._reserved, self._most = reserved, most
         self._heard = heard
         self._start = self._looked = time.monotonic()
-        self._env = None if runtime_env is None else dict(runtime_env)
+        self._env = runtime_env
         # A lost worker fails here, and is started again here: Ray would do so in silence, and for ever.
         self._task = ray.remote(work).options(
             **options(threads, reserved.gpus, self._env, max_retries=0, name="syntable")
@@ -299,6 +299,8 @@ class Team:
 
     def run(self) -> Outcome:
         """Makes the dataset."""
+        self._probe = Probe.new(self._order.out)
+        self._order = replace(self._order, probe=self._probe)
         here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
         try:
             self._mailbox = (

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from .._arguments import whole
 from ..generating import DEFAULT, PROPERTIES, product_names, scene_range, thread_count
 from ..recipes import Recipe, as_recipe
-from ._nodes import Job
+from ._nodes import Job, connect
 
 if TYPE_CHECKING:
     import ray.data  # type: ignore[import-not-found, import-untyped, unused-ignore]
@@ -89,7 +89,8 @@ def dataset(
         thread_count(threads) or 1,
         bool(allow_code),
     )
-    more = {} if runtime_env is None else {"runtime_env": dict(runtime_env)}
+    env = connect(runtime_env)
+    more = {} if env is None else {"runtime_env": env}
     return read_datasource(
         source,
         num_cpus=source.threads,
