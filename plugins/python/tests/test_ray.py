@@ -9,7 +9,6 @@ import pickle
 import signal
 import subprocess
 import sys
-import textwrap
 import threading
 import time
 
@@ -251,22 +250,29 @@ def test_a_recipe_reaches_nodes_without_its_files(cluster, tmp_path, monkeypatch
     assert outcome.complete and outcome.path == str(tmp_path / "data")
 
 
+STAGE = """
+import syntable as st
+
+@st.annotator(reads=["rgb"], provides={"dark_of_ray": st.Value(float, doc="Share of dark pixels.")})
+def dark_of_ray(view):
+    "Share of dark pixels."
+    return float((view.rgb.mean(axis=-1) < 60).mean())
+"""
+
+
+def test_a_node_without_a_file_of_stages_gets_its_text():
+    _nodes.Plugin("/nowhere/text_of_ray.py", STAGE.replace("dark_of_ray", "text_of_ray")).load()
+    sample = next(st.generate(small_recipe(), ["text_of_ray"]))
+    assert 0 <= sample["text_of_ray"] <= 1
+
+
 def test_stages_of_a_file_reach_the_workers(cluster, tmp_path):
     plugin = tmp_path / "dark_of_ray.py"
-    plugin.write_text(
-        textwrap.dedent(
-            """
-            import syntable as st
-
-            @st.annotator(reads=["rgb"], provides={"dark_of_ray": st.Value(float, doc="Share of dark pixels.")})
-            def dark_of_ray(view):
-                "Share of dark pixels."
-                return float((view.rgb.mean(axis=-1) < 60).mean())
-            """
-        )
-    )
-    rows = on_ray.dataset(small_recipe(), ["dark_of_ray"], plugins=[plugin], blocks=2).take_all()
-    assert len(rows) == 6 and all(0 <= json.loads(one["dark_of_ray"]) <= 1 for one in rows)
+    plugin.write_text(STAGE)
+    recipe = small_recipe(**{"dataset.scenes": 2, "write.npz": {"include": ["dark_of_ray"]}})
+    assert on_ray.run(recipe, tmp_path / "data", plugins=[plugin], workers=2).complete
+    rows = on_ray.dataset(recipe, ["dark_of_ray"], plugins=[plugin], blocks=2).take_all()
+    assert len(rows) == 4 and all(0 <= json.loads(one["dark_of_ray"]) <= 1 for one in rows)
 
 
 @pytest.mark.parametrize("moment", ["start", "middle"])

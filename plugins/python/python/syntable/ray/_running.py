@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import time
@@ -38,6 +39,8 @@ NODES_S = 5.0
 RETURN_S = 15.0
 #: Time for workers to stop after an interrupt, before they are killed, s.
 STOP_S = 10.0
+#: Time for the last messages of a worker to arrive, s.
+ARRIVE_S = 5.0
 #: Shortest interval between the messages of a worker, s.
 SEND_S = 0.2
 
@@ -171,6 +174,7 @@ class Sender:
         self._mailbox, self._worker = mailbox, worker
         self._events: list[Event] = []
         self._latest = 0.0
+        self._sent: Any = None
 
     def __call__(self, event: Event) -> None:
         self._events.append(event)
@@ -180,8 +184,14 @@ class Sender:
     def flush(self) -> None:
         """Sends what waits."""
         if self._events:
-            self._mailbox.put.remote(self._worker, self._events)
+            self._sent = self._mailbox.put.remote(self._worker, self._events)
             self._events, self._latest = [], time.monotonic()
+
+    def end(self) -> None:
+        """Sends what waits, and lets it arrive before the worker's report."""
+        self.flush()
+        with contextlib.suppress(ray.exceptions.RayError):
+            ray.get(self._sent, timeout=ARRIVE_S)
 
 
 def work(order: Order, mailbox: Any, worker: int) -> Report:
@@ -209,7 +219,7 @@ def work(order: Order, mailbox: Any, worker: int) -> Report:
         # Its class may be unknown to the driver.
         return Report(place(), error=SyntableError(f"{type(error).__name__}: {error}"))
     finally:
-        send.flush()
+        send.end()
 
 
 @dataclass(frozen=True)
@@ -320,7 +330,9 @@ class Team:
         finally:
             self._probe.delete()
             if self._mailbox is not None:
-                ray.kill(self._mailbox)
+                # The cluster may be gone.
+                with contextlib.suppress(Exception):
+                    ray.kill(self._mailbox)
         return self._end()
 
     def _add(self, workers: int) -> None:
@@ -398,12 +410,12 @@ class Team:
         message = f"worker {worker.number} on {place or 'a new node'} {then}: {error}"
         self._heard({"event": "message", "level": "warning", "message": message})
 
-    def _listen(self) -> None:
+    def _listen(self, patience: float = 0.0) -> None:
         """Passes the events of workers on."""
         if self._letter is None:
             self._letter = self._mailbox.take.remote()
-        # It starts again where its node is lost; the events in it are lost, too.
-        if not ray.wait([self._letter], timeout=0 if self._running else POLL_S)[0]:
+        # The mailbox starts again where its node is lost; the events in it are lost, too.
+        if not ray.wait([self._letter], timeout=patience)[0]:
             return
         letter, self._letter = self._letter, None
         try:
@@ -435,7 +447,9 @@ class Team:
                     continue
                 if report.outcome is not None:
                     self._outcomes.append(report.outcome)
-        self._listen()
+        # The first letter may be older than the last events.
+        for _ in range(2):
+            self._listen(ARRIVE_S)
         if self._running:
             self._stop()
 
