@@ -20,12 +20,14 @@ from ..__main__ import load
 from ..errors import SyntableError
 from ..recipes import Recipe
 
-__all__ = ["Job", "Unfit", "place"]
+__all__ = ["Job", "Plugin", "Probe", "Unfit", "connect", "is_url", "options", "place"]
 
 #: Time that a node gets to see a new file of a shared folder, s.
 SEEN_AFTER_S = 10.0
-#: Age of a file that no living driver has, s.
-OLD_S = 3600.0
+#: Part of the name of the file that nodes look for.
+MARK = ".ray-"
+#: Age from which such a file is a killed driver's, s.
+OLD_S = 120.0
 
 
 class Unfit(SyntableError):
@@ -215,8 +217,7 @@ class Probe:
         place = out if os.path.ismount(out) else folder
         try:
             os.makedirs(place, exist_ok=True)
-            _delete_old(place, f".{name}.ray-")
-            handle, path = tempfile.mkstemp(prefix=f".{name}.ray-", dir=place)
+            handle, path = tempfile.mkstemp(prefix=f".{name}{MARK}", dir=place)
         except OSError as error:
             raise SyntableError(f"{place}: {error.strerror}", file=place) from error
         os.close(handle)
@@ -242,23 +243,25 @@ class Probe:
         """Shows that the driver lives."""
         if self.path is not None:
             with contextlib.suppress(OSError):
+                # Another driver may have deleted it while this one slept.
+                open(self.path, "ab").close()
                 os.utime(self.path)
 
     def delete(self) -> None:
-        """Deletes the file."""
-        if self.path is not None:
-            with contextlib.suppress(OSError):
-                os.unlink(self.path)
-
-
-def _delete_old(folder: str, prefix: str) -> None:
-    """Deletes files of drivers that were killed."""
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            if entry.name.startswith(prefix):
-                with contextlib.suppress(OSError):
-                    if time.time() - entry.stat().st_mtime > OLD_S:
-                        os.unlink(entry.path)
+        """Deletes the file, and those of drivers that were killed."""
+        if self.path is None:
+            return
+        self.touch()
+        folder, name = os.path.split(self.path)
+        prefix = name[: name.rindex(MARK)] + MARK
+        with contextlib.suppress(OSError):
+            # By the clock of the file system, whatever those of the machines show.
+            now = os.stat(self.path).st_mtime
+            os.unlink(self.path)
+            for other in os.listdir(folder):
+                path = os.path.join(folder, other)
+                if other.startswith(prefix) and now - os.stat(path).st_mtime > OLD_S:
+                    os.unlink(path)
 
 
 def is_url(out: str) -> bool:
