@@ -1,4 +1,4 @@
-//! Jobs on a cluster: the files of `syntable new slurm` and `syntable new kubernetes` with the real schedulers' programs.
+//! Jobs on a cluster: the files of `syntable new slurm`, `new kubernetes` and `new skypilot` with the real schedulers' programs.
 
 use crate::support::{assert_same, made, ok, small_run, syntable};
 use std::fmt::Write;
@@ -185,4 +185,23 @@ fn kubernetes_accepts_the_job() {
     let misspelt = fs::read_to_string(&manifest).expect("there").replace("completionMode", "completionMod");
     fs::write(&manifest, misspelt).expect("writable");
     assert!(validate(&manifest).is_ok_and(|output| !output.status.success()));
+}
+
+#[test]
+fn skypilot_accepts_the_task() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let task = folder.path().join("job.yaml");
+    ok(syntable().args(["new", "skypilot"]).arg(&task).args(["--out", "s3://bucket/it's mine", "--workers", "7"]));
+    let validate = || {
+        let code = "import sys, sky; task = sky.Task.from_yaml(sys.argv[1]); print(task.run, task.resources)";
+        let mut command = Command::new("skypilot-python");
+        // It keeps its state at home.
+        command.args(["-c", code]).arg(&task).env("HOME", folder.path()).current_dir(folder.path()).output()
+    };
+    let Ok(output) = validate() else { return skip_slow_tool("skypilot-python, which has SkyPilot") };
+    let shown = crate::support::text(&output);
+    assert!(output.status.success() && shown.contains("s3://bucket/it") && shown.contains("[Spot]"), "{shown}");
+    let misspelt = fs::read_to_string(&task).expect("there").replace("use_spot", "use_spots");
+    fs::write(&task, misspelt).expect("writable");
+    assert!(validate().is_ok_and(|output| !output.status.success()));
 }

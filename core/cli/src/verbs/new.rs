@@ -1,6 +1,6 @@
 //! `syntable new`: starts recipes and plugins.
 
-use super::jobs::JobArgs;
+use super::jobs::{JobArgs, WorkerArgs};
 use super::list::products;
 use super::template::{CrateTemplate, TEMPLATES, crates};
 use crate::console::Console;
@@ -72,6 +72,16 @@ enum What {
         folder: PathBuf,
         #[command(flatten)]
         job: JobArgs,
+    },
+    /// Write a SkyPilot task whose copies make a dataset in a bucket together, on spot machines.
+    #[command(after_help = "Example:
+  syntable new skypilot job.yaml --recipe my.toml --out s3://bucket/mine --workers 20")]
+    Skypilot {
+        /// Output file. It must not exist yet.
+        #[arg(default_value = "job.yaml")]
+        file: PathBuf,
+        #[command(flatten)]
+        job: WorkerArgs,
     },
 }
 
@@ -170,6 +180,14 @@ pub(crate) fn new(console: &Console, registry: &Registry, args: &NewArgs, progra
             let file = file.display();
             console.print(&format!(
                 "wrote {file}\nnext: set the memory, the time and the partition in it, then: bash {file}\n"
+            ))
+        }
+        What::Skypilot { file, job } => {
+            let text = job.skypilot(&file.display().to_string()).map_err(Exit::wrong)?;
+            create(file, &text)?;
+            let file = file.display();
+            console.print(&format!(
+                "wrote {file}\nnext: copy the wheel, the recipe and its assets beside it, and follow its first lines\n"
             ))
         }
         What::Kubernetes { folder, job } => {

@@ -33,7 +33,7 @@ def _load_all(arguments: Sequence[str]) -> int:
     """Loads the plugins of a command line. Returns the exit code: 0 if all are here."""
     for plugin in _plugins(arguments):
         try:
-            _load(plugin)
+            load(plugin)
         except BaseException as error:
             _print(plugin, error)
             return 2
@@ -52,7 +52,7 @@ def _plugins(arguments: Sequence[str]) -> Iterator[str]:
             yield argument.partition("=")[2]
 
 
-def _load(plugin: str) -> None:
+def load(plugin: str) -> None:
     """Runs a Python file, or imports a module: its stages register themselves."""
     is_file = plugin.endswith(".py") or os.sep in plugin or os.path.isfile(plugin)
     if not is_file:
