@@ -313,7 +313,8 @@ mod tests {
             let json = serde_json::to_string(path).expect("text");
             assert!(serde_json::from_str::<DatasetPath>(&json).is_err(), "{path}");
         }
-        for path in ["a", "a/b.png", ".hidden", "...", "a b/ä:c", ".syntable/shards/w/000/000003.jsonl", &long[..257]] {
+        for path in ["a", "a/b.png", ".hidden", "...", "a b/ä:c", ".syntable/shards/w/000/000003.jsonl", &long[..257]]
+        {
             let read = DatasetPath::new(path).expect(path);
             assert_eq!(serde_json::to_string(&read).expect("text"), serde_json::to_string(path).expect("text"));
             assert!(read.below(Path::new("/d")).starts_with("/d"));

@@ -32,7 +32,9 @@ pub use atlas::{Atlas, AtlasTile};
 pub use camera_model::CameraModel;
 pub use denoiser::Denoiser;
 pub use light_sampler::LightSampler;
-pub use output::{DAMAGED, FileWriter, Finish, Output, RESERVED, check_path, is_shared, path_of_scene, shard_path, unreadable};
+pub use output::{
+    DAMAGED, FileWriter, Finish, Output, RESERVED, check_path, is_shared, path_of_scene, shard_path, unreadable,
+};
 pub use placer::{Part, PartUse, Placer};
 pub use renderer::{Bodies, DeviceClass, LabelSurface, RenderDevice, RenderRequest, RenderSession, Renderer, Tile};
 pub use sensor::Sensor;

@@ -11,7 +11,7 @@ use syntable_model::digest::Digest;
 use syntable_model::store::StoreFolder;
 use syntable_runtime::run::progress::Quiet;
 use syntable_runtime::run::stop::Stop;
-use syntable_runtime::run::{MergeOptions, RunOptions, merge};
+use syntable_runtime::run::{ClaimOptions, MergeOptions, RunOptions, merge};
 use syntable_testing::folder::files;
 
 fn recipe(scenes: u32) -> String {
@@ -133,6 +133,21 @@ fn a_journal_of_a_million_scenes() {
         let options = RunOptions { stop: stop.clone(), ..options(&root, 2) };
         run_with(&recipe(scenes + 10), options, &at_first).expect_err("stopped");
     });
+}
+
+#[test]
+#[ignore = "measures: cargo test --release -p syntable-runtime --test run scale -- --ignored --nocapture"]
+fn a_million_scenes_to_make() {
+    let scenes = number("SCENES", 1_000_000);
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, claim) in [("one run", None), ("a worker", Some(ClaimOptions::default()))] {
+        measure(&format!("{name}: the first scene"), || {
+            let stop = Stop::default();
+            let at_first = AtEvent { number: 1, act: &|| stop.cancel(), seen: AtomicU32::new(0) };
+            let options = RunOptions { stop: stop.clone(), claim, ..options(&folder.path().join(name), 2) };
+            run_with(&recipe(scenes), options, &at_first).expect_err("stopped");
+        });
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@
 //! write the same bytes, and the line of a scene is written once.
 
 use crate::run::dataset::foreign;
-use crate::run::dataset::journal::Journal;
+use crate::run::dataset::journal::{Journal, LineFiles};
 use crate::run::dataset::layout;
 use crate::run::stop::Stop;
 use parking_lot::{Condvar, Mutex};
@@ -45,6 +45,8 @@ const TAKEN: u32 = 4;
 pub struct Claims {
     shared: Arc<Shared>,
     options: ClaimOptions,
+    /// Scenes to make, ascending.
+    todo: Vec<u32>,
     blocks: Mutex<Blocks>,
     renews: Option<JoinHandle<()>>,
 }
@@ -66,8 +68,8 @@ struct Held {
 
 /// The blocks that are not known to be done.
 struct Blocks {
-    /// Scenes to make, by block.
-    scenes: BTreeMap<u32, BTreeSet<u32>>,
+    /// Their numbers.
+    left: BTreeSet<u32>,
     /// Blocks to try, the next one last.
     free: Vec<u32>,
     /// Blocks that other workers claim.
@@ -88,21 +90,20 @@ impl Claims {
     /// The blocks of some scenes. `worker` is a name that no other worker has; it decides where this worker begins, so
     /// that workers seldom meet.
     pub fn new(dataset: &StoreFolder, worker: &str, options: ClaimOptions, todo: impl Iterator<Item = u32>) -> Self {
-        let mut scenes: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
-        for scene in todo {
-            scenes.entry(scene / options.block * options.block).or_default().insert(scene);
-        }
-        let mut free: Vec<u32> = scenes.keys().rev().copied().collect();
+        let mut todo: Vec<u32> = todo.collect();
+        todo.sort_unstable();
+        let left: BTreeSet<u32> = todo.iter().map(|scene| scene / options.block * options.block).collect();
+        let mut free: Vec<u32> = left.iter().rev().copied().collect();
         let start = u64::from_str_radix(worker, 16).unwrap_or_default() % (free.len() as u64).max(1);
         free.rotate_left(start as usize);
         let (dataset, worker) = (dataset.clone(), worker.to_owned());
         let shared = Arc::new(Shared { dataset, worker, held: Mutex::default(), ends: Condvar::new() });
-        let blocks = Mutex::new(Blocks { scenes, free, others: BTreeMap::new(), taken: 0 });
+        let blocks = Mutex::new(Blocks { left, free, others: BTreeMap::new(), taken: 0 });
         let renews = {
             let (shared, pause) = (Arc::clone(&shared), options.lease / SIGNS);
             thread::spawn(move || shared.renew(pause))
         };
-        Self { shared, options, blocks, renews: Some(renews) }
+        Self { shared, options, todo, blocks, renews: Some(renews) }
     }
 
     /// Claims the next block: its number and its scenes without a line. Waits while other workers have all
@@ -110,7 +111,7 @@ impl Claims {
     pub fn next(&self, stop: &Stop) -> Result<Option<(u32, Vec<u32>)>> {
         while !stop.is_requested() {
             let mut blocks = self.blocks.lock();
-            if blocks.taken >= TAKEN || (blocks.free.is_empty() && !blocks.scenes.is_empty()) {
+            if blocks.taken >= TAKEN || (blocks.free.is_empty() && !blocks.left.is_empty()) {
                 blocks.taken = 0;
                 self.look(&mut blocks)?;
             }
@@ -121,7 +122,7 @@ impl Claims {
                 }
                 continue;
             }
-            let is_over = blocks.scenes.is_empty();
+            let is_over = blocks.left.is_empty();
             drop(blocks);
             if is_over {
                 return Ok(None);
@@ -143,23 +144,30 @@ impl Claims {
         blocks.taken = 0;
         self.shared.held.lock().claims.insert(block, generation);
         // Its last worker may have made it since the lines were listed.
-        let mut left = blocks.scenes.get(&block).cloned().unwrap_or_default();
-        for scene in left.clone() {
-            if dataset.has(&layout::line(scene))? {
-                left.remove(&scene);
+        let mut scenes = Vec::new();
+        for &scene in self.scenes_of(block) {
+            if !Journal::has_file_of(dataset, scene)? {
+                scenes.push(scene);
             }
         }
-        if left.is_empty() {
-            blocks.scenes.remove(&block);
+        if scenes.is_empty() {
+            blocks.left.remove(&block);
             self.release(block)?;
             return Ok(None);
         }
-        Ok(Some((block, left.into_iter().collect())))
+        Ok(Some((block, scenes)))
+    }
+
+    /// The scenes of a block, ascending.
+    fn scenes_of(&self, block: u32) -> &[u32] {
+        let start = self.todo.partition_point(|scene| *scene < block);
+        let length = self.todo[start..].partition_point(|scene| scene - block < self.options.block);
+        &self.todo[start..start + length]
     }
 
     /// Marks a claimed block as done, and gives the claim back.
     pub fn done(&self, block: u32) -> Result<()> {
-        self.blocks.lock().scenes.remove(&block);
+        self.blocks.lock().left.remove(&block);
         self.release(block)
     }
 
@@ -174,19 +182,20 @@ impl Claims {
         let dataset = &self.shared.dataset;
         let claims = claims_of(dataset)?;
         // Lines are listed after claims: a worker writes its lines before it gives its claim back.
-        let lines = Journal::scenes_of_files(dataset)?;
+        let lines = LineFiles::of(dataset)?;
         let held = self.shared.held.lock().claims.clone();
         blocks
-            .scenes
-            .retain(|block, scenes| held.contains_key(block) || !scenes.iter().all(|scene| lines.contains(scene)));
-        let Blocks { scenes, free, others, .. } = blocks;
-        free.retain(|block| scenes.contains_key(block));
-        others.retain(|block, _| scenes.contains_key(block));
-        for &block in scenes.keys().filter(|block| !held.contains_key(block)) {
+            .left
+            .retain(|block| held.contains_key(block) || !self.scenes_of(*block).iter().all(|scene| lines.has(*scene)));
+        let Blocks { left, free, others, .. } = blocks;
+        let known: BTreeSet<u32> = free.iter().copied().collect();
+        let (mut claimed, mut again) = (BTreeSet::new(), Vec::new());
+        others.retain(|block, _| left.contains(block));
+        for &block in left.iter().filter(|block| !held.contains_key(block)) {
             let Some(&generation) = claims.get(&block) else {
                 others.remove(&block);
-                if !free.contains(&block) {
-                    free.push(block);
+                if !known.contains(&block) {
+                    again.push(block);
                 }
                 continue;
             };
@@ -196,12 +205,13 @@ impl Claims {
             if seen.generation != generation || seen.content != content {
                 *seen = Other { generation, content, since: Instant::now() };
             }
-            let is_over = seen.since.elapsed() > self.options.lease;
-            free.retain(|other| *other != block);
-            if is_over {
-                free.push(block);
+            claimed.insert(block);
+            if seen.since.elapsed() > self.options.lease {
+                again.push(block);
             }
         }
+        free.retain(|block| left.contains(block) && !claimed.contains(block));
+        free.append(&mut again);
         Ok(())
     }
 }

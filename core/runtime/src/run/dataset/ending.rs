@@ -3,7 +3,7 @@
 use crate::run::dataset::commit::{LEAVE, taken};
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::foreign;
-use crate::run::dataset::journal::Journal;
+use crate::run::dataset::journal::{Journal, LineFiles};
 use crate::run::dataset::layout::{self, RECIPE};
 use crate::run::dataset::loss::Loss;
 use crate::run::dataset::manifest::{FileState, Files, Manifest, Stamp};
@@ -46,9 +46,7 @@ pub fn is_finished(dataset: &StoreFolder) -> Result<bool> {
     let Some(digest) = Finished::of(dataset)?.journal else { return Ok(false) };
     // Lines in files of their own were written after the last end.
     let journal = layout::journal();
-    Ok(Journal::scenes_of_files(dataset)?.is_empty()
-        && dataset.has(&journal)?
-        && Stamp::of(dataset, &journal)?.1 == digest)
+    Ok(LineFiles::of(dataset)?.is_empty() && dataset.has(&journal)? && Stamp::of(dataset, &journal)?.1 == digest)
 }
 
 /// Digest that identifies a recipe: all of it except the locked assets.

@@ -5,6 +5,7 @@
 //! .syntable/lock                held while a run works
 //! .syntable/journal.jsonl       one line per finished scene
 //! .syntable/journal/000003.json the line of a scene that a run has made in an object store; until the run ends
+//! .syntable/journal/003.jsonl   the lines of scenes 3000 to 3999, which a worker has joined; until the run ends
 //! .syntable/claims/000012.json  the claim of a worker on the scenes of a block, until they are made
 //! .syntable/staging/w-<worker>/ unfinished scenes of a worker
 //! .syntable/shard.json          number of the shard, if the dataset is one
@@ -87,6 +88,11 @@ pub fn lines() -> DatasetPath {
 /// The file of a scene's journal line.
 pub fn line(scene: u32) -> DatasetPath {
     own(&format!("{LINES}/{scene:06}.json"))
+}
+
+/// The file of the joined journal lines of a thousand scenes.
+pub fn lines_of_thousand(thousand: u32) -> DatasetPath {
+    own(&format!("{LINES}/{thousand:03}.jsonl"))
 }
 
 /// The folder of the claims of workers.

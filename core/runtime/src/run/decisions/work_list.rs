@@ -44,7 +44,7 @@ pub struct Todo {
 /// The work for a scene.
 pub struct Job {
     /// Its journal line, if it is in the dataset, without the writers whose files are written again.
-    pub present: Option<JournalEntry>,
+    pub present: Option<Box<JournalEntry>>,
     /// Its missing parts.
     pub lacks: Lacks,
 }
@@ -52,7 +52,7 @@ pub struct Job {
 impl Job {
     /// A scene keeps its number of views when the dataset grows.
     fn views(&self, recipe: &Recipe) -> u32 {
-        self.present.as_ref().map_or(recipe.dataset.views_per_scene, JournalEntry::views)
+        self.present.as_ref().map_or(recipe.dataset.views_per_scene, |present| present.views())
     }
 }
 
@@ -74,7 +74,7 @@ impl Todo {
             let lacks: Vec<String> = recipe.write.iter().map(|(id, _)| id).filter(|id| !has(id)).cloned().collect();
             let records = line.recorded() != recorded;
             let done = line.failed() || (lacks.is_empty() && !records);
-            let present = || Some(line.entry().without(&anew));
+            let present = || Some(Box::new(line.entry().without(&anew)));
             match (is_damaged, done) {
                 (true, _) => Some(Job { present: present(), lacks: None }),
                 (false, true) => None,
@@ -134,7 +134,7 @@ impl<'a> Works<'a> {
     pub fn task<'t>(&'t self, scene: u32, job: &'t Job) -> Task<'t> {
         let (component, _) = self.recipe.component_of(scene);
         let of = |lacks: &Lacks| &self.works[&(component, job.views(self.recipe), lacks.clone())];
-        let extend = job.present.as_ref().filter(|_| job.lacks.is_some()).map(|present| (present, of(&job.lacks)));
+        let extend = job.present.as_deref().filter(|_| job.lacks.is_some()).map(|present| (present, of(&job.lacks)));
         let is_present = job.present.as_ref().is_some_and(|present| !present.failed());
         Task { scene, is_present, whole: of(&None), extend }
     }

@@ -90,8 +90,9 @@ pub fn make(
     let line_of = |scene: &u32| journal.entries().get(*scene);
     let whole = todo.scenes.iter().filter(|(_, job)| job.lacks.is_none());
     let new = made_aside + whole.filter_map(|(scene, _)| line_of(scene)).map(|line| line.views()).sum::<u32>();
-    let changed =
-        |(scene, job): &(&u32, &Job)| job.lacks.is_some() && line_of(scene).map(|line| line.entry()) != job.present;
+    let changed = |(scene, job): &(&u32, &Job)| {
+        job.lacks.is_some() && line_of(scene).map(|line| line.entry()).as_ref() != job.present.as_deref()
+    };
     let grown = todo.scenes.iter().filter(changed).count() as u32;
     Ok(MadeScenes { folder, journal, resolved, new, grown, lacking, told })
 }

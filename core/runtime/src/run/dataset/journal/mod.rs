@@ -6,16 +6,20 @@
 
 mod entries;
 mod entry;
+mod line_files;
 mod notice;
 
 pub use entries::{AssetDigests, Entries, JournalLine, SceneLine};
 pub use entry::{JournalEntry, SceneOutcome};
+pub use line_files::LineFiles;
 pub use notice::Notice;
 
+use crate::run::dataset::foreign;
 use crate::run::dataset::layout;
 use crate::run::dataset::manifest::Stamp;
 use crate::run::dataset::requests;
 use entries::EntriesBuilder;
+use line_files::JOINED;
 use std::collections::{BTreeSet, VecDeque};
 use std::io::{BufRead, BufReader, Read};
 use syntable_model::digest::Digest;
@@ -48,7 +52,9 @@ pub struct Journal {
 /// Minimum number of lines in files of their own before they are joined. Later joins wait for a quarter of all lines, so
 /// a line is written a few times only.
 const LOOSE: usize = 1000;
-/// Lines that are read at once.
+/// Own lines of a worker after which it looks for lines to join.
+const LOOKS: usize = 250;
+/// Files with lines that are read at once.
 const BATCH: usize = 256;
 
 impl Journal {
@@ -58,7 +64,7 @@ impl Journal {
         let path = layout::journal();
         let (entries, whole) = Self::read(&dataset)?;
         let mut journal = Self { dataset, entries, loose: 0, is_shared: false };
-        if !line_files(&journal.dataset)?.is_empty() {
+        if !LineFiles::of(&journal.dataset)?.is_empty() {
             journal.rewrite()?;
             return Ok(journal);
         }
@@ -78,10 +84,9 @@ impl Journal {
         Ok(Self { dataset, entries, loose: 0, is_shared: true })
     }
 
-    /// Scenes whose lines are files of their own.
-    pub fn scenes_of_files(dataset: &StoreFolder) -> Result<BTreeSet<u32>> {
-        let names = dataset.list(&layout::lines())?.into_iter().map(|(name, _)| name);
-        Ok(names.filter_map(|name| name.strip_suffix(".json")?.parse().ok()).collect())
+    /// Whether the line of a scene is in a file of its own, or in a file of its thousand.
+    pub fn has_file_of(dataset: &StoreFolder, scene: u32) -> Result<bool> {
+        Ok(dataset.has(&layout::line(scene))? || dataset.has(&layout::lines_of_thousand(scene / JOINED))?)
     }
 
     /// Reads the lines of a journal, without changing it.
@@ -215,22 +220,48 @@ impl Journal {
                     self.entries.insert(&present);
                     return Ok(());
                 }
-                _ => {
-                    return Err(Error::new(format!(
-                        "another worker has made scene {} with another result",
-                        entry.scene
-                    ))
-                    .in_file(self.dataset.name_of(&path))
-                    .help(
-                        "the machine, the device or the program differs; a run with `options.repair` and without \
-                             other workers makes the scene again",
-                    ));
-                }
+                _ => return Err(self.differs(entry.scene, &path)),
             }
+        } else if self.is_shared {
+            self.compare_joined(&entry, &path)?;
         }
         self.loose += 1;
         self.entries.insert(&entry);
-        if !self.is_shared && self.loose > LOOSE.max(self.entries.len() / 4) { self.rewrite() } else { Ok(()) }
+        match self.is_shared {
+            true if self.loose.is_multiple_of(LOOKS) => LineFiles::of(&self.dataset)?.join(&self.dataset),
+            false if self.loose > LOOSE.max(self.entries.len() / 4) => self.rewrite(),
+            _ => Ok(()),
+        }
+    }
+
+    /// Compares a new line with the line of the same scene that another worker wrote earlier, if that one is joined
+    /// already. If they are equal, the earlier one stays alone.
+    fn compare_joined(&self, entry: &JournalEntry, path: &DatasetPath) -> Result<()> {
+        let joined = layout::lines_of_thousand(entry.scene / JOINED);
+        let Some(lines) = foreign::read_list(&self.dataset, &joined)? else { return Ok(()) };
+        let lines = lines.split(|byte| *byte == b'\n').filter_map(|line| serde_json::from_slice(line).ok());
+        let present: Option<JournalEntry> = lines.into_iter().find(|line: &JournalEntry| line.scene == entry.scene);
+        match present {
+            Some(present) if present.failed() && !entry.failed() => Ok(()),
+            Some(present) => {
+                self.dataset.remove(path)?;
+                if is_same(&present, entry) || entry.failed() {
+                    Ok(())
+                } else {
+                    Err(self.differs(entry.scene, &joined))
+                }
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn differs(&self, scene: u32, path: &DatasetPath) -> Error {
+        Error::new(format!("another worker has made scene {scene} with another result"))
+            .in_file(self.dataset.name_of(path))
+            .help(
+                "the machine, the device or the program differs; a run with `options.repair` and without other workers \
+                 makes the scene again",
+            )
     }
 
     /// Removes the line of a scene, atomically.
@@ -292,11 +323,6 @@ fn is_same(one: &JournalEntry, other: &JournalEntry) -> bool {
     agree && JournalEntry { assets: other.assets.clone(), ..one.clone() } == *other
 }
 
-/// The files that are lines, in the order of their scenes.
-fn line_files(dataset: &StoreFolder) -> Result<Vec<DatasetPath>> {
-    Ok(Journal::scenes_of_files(dataset)?.into_iter().map(layout::line).collect())
-}
-
 /// Removes a truncated last line.
 fn cut(dataset: &StoreFolder, whole: u64) -> Result<()> {
     let path = layout::journal();
@@ -314,10 +340,10 @@ pub struct JournalLines {
     place: Place,
     /// The joined lines. `None` after their end, or if the journal does not exist.
     file: Option<BufReader<StoredFile>>,
-    /// The lines in files of their own that follow.
+    /// The files with lines that follow.
     rest: VecDeque<DatasetPath>,
-    /// The first of them, read already.
-    read: VecDeque<(DatasetPath, Vec<u8>)>,
+    /// The first lines of these files, read already.
+    read: VecDeque<(Place, Vec<u8>)>,
     line: Vec<u8>,
 }
 
@@ -333,7 +359,7 @@ impl JournalLines {
     /// Opens the journal of a dataset. A missing journal has no lines.
     pub fn open(dataset: &StoreFolder) -> Result<Self> {
         let file = layout::journal();
-        let rest = line_files(dataset)?.into();
+        let rest = LineFiles::of(dataset)?.paths().collect();
         let opened = dataset.open(&file)?.map(BufReader::new);
         let (dataset, place) = (dataset.clone(), Place { file, line: 0 });
         Ok(Self { dataset, place, file: opened, rest, read: VecDeque::new(), line: Vec::new() })
@@ -367,16 +393,20 @@ impl JournalLines {
             let paths: Vec<DatasetPath> = self.rest.drain(..BATCH.min(self.rest.len())).collect();
             let read = requests::read(&self.dataset, &paths, &RUN_LIST_BYTES)?;
             let is_joined = read.iter().any(Option::is_none);
-            self.read = paths.into_iter().zip(read).filter_map(|(path, bytes)| Some((path, bytes?))).collect();
+            for (file, bytes) in paths.into_iter().zip(read).filter_map(|(path, bytes)| Some((path, bytes?))) {
+                let lines = bytes.split_inclusive(|byte| *byte == b'\n').zip(1..);
+                self.read.extend(lines.map(|(text, line)| (Place { file: file.clone(), line }, text.to_owned())));
+            }
             if is_joined {
-                // A run has joined lines since they were listed. The joined lines are read once more.
+                // A worker has joined lines since they were listed. All that follow, and the joined ones, are read once more.
+                self.rest = LineFiles::of(&self.dataset)?.paths().collect();
                 self.place = Place { file: layout::journal(), line: 0 };
                 self.file = self.dataset.open(&self.place.file)?.map(BufReader::new);
                 return self.advance();
             }
         }
-        let Some((file, line)) = self.read.pop_front() else { return Ok(false) };
-        (self.place, self.line) = (Place { file, line: 1 }, line);
+        let Some((place, line)) = self.read.pop_front() else { return Ok(false) };
+        (self.place, self.line) = (place, line);
         Ok(true)
     }
 }
@@ -498,6 +528,42 @@ mod tests {
             assert_eq!(left, (0..3).filter(|scene| !lost.contains(scene)).collect::<Vec<u32>>(), "byte {byte}");
             assert_eq!(Journal::mend(&dataset), Ok(0));
         }
+    }
+
+    /// Two workers write the lines of scenes 0 to 1199 in turn.
+    #[test]
+    fn workers_join_the_lines_of_a_thousand_scenes() {
+        let (dataset, store) = dataset();
+        let open = || Journal::open_shared(&dataset).expect("shared");
+        let mut workers = [open(), open()];
+        let failed = |scene| JournalEntry::new(scene, 2, SceneOutcome::Failed);
+        for scene in 0..1200 {
+            let line = if scene == 7 { failed(scene) } else { entry(scene) };
+            workers[scene as usize % 2].append(line).expect("written");
+        }
+        let files = LineFiles::of(&dataset).expect("listed");
+        assert_eq!(files.paths().next(), Some(layout::lines_of_thousand(0)));
+        assert!(files.paths().skip(1).eq((1000..1200).map(layout::line)));
+        assert!(files.has(0) && files.has(1199) && !files.has(1200));
+        assert!(Journal::has_file_of(&dataset, 999).expect("known") && !store.files().contains_key(&layout::line(999)));
+        let all = Journal::entries_of(&dataset).expect("readable");
+        assert!(all.scenes().eq(0..1200) && all.iter().all(|line| line.failed() == (line.scene == 7)));
+        // A slow worker writes a line that is joined already.
+        let mut slow = open();
+        slow.entries = Entries::default();
+        slow.append(entry(3)).expect("the same");
+        let mut other = entry(4);
+        other.attempt = 1;
+        let error = slow.append(other).expect_err("another result").to_string();
+        assert!(error.contains("scene 4 with another result") && error.contains("000.jsonl"), "{error}");
+        slow.append(failed(5)).expect("the scene that was made stays");
+        assert!([3, 4, 5].iter().all(|scene| !store.files().contains_key(&layout::line(*scene))));
+        slow.append(entry(7)).expect("a scene replaces a failure");
+        let mut journal = Journal::open(&dataset).expect("alone");
+        assert!(journal.entries().made().count() == 1200 && journal.entries().has(&entry(7)));
+        journal.rewrite().expect("written");
+        assert!(LineFiles::of(&dataset).expect("listed").is_empty());
+        assert_eq!(Journal::entries_of(&dataset).expect("readable").made().count(), 1200);
     }
 
     #[test]

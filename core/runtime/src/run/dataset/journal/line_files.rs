@@ -1,0 +1,77 @@
+//! Lines in files of their own: one line that a worker has just written, or all lines of a thousand scenes.
+//!
+//! Workers cannot append to one file together. When a worker finds the lines of scenes 3000 to 3999, it writes them into
+//! one file, which must be new, and removes the others. A line that is there beside the file of its thousand came later,
+//! and counts.
+
+use crate::run::dataset::layout;
+use crate::run::dataset::requests;
+use std::collections::BTreeMap;
+use syntable_model::error::Result;
+use syntable_model::files::DatasetPath;
+use syntable_model::limits::RUN_LIST_BYTES;
+use syntable_model::store::StoreFolder;
+
+/// Scenes of a joined file.
+pub(super) const JOINED: u32 = 1000;
+
+/// The files with lines of a dataset.
+#[derive(Debug, Default)]
+pub struct LineFiles {
+    /// Scenes with a file of their own, by thousand.
+    lines: BTreeMap<u32, Vec<u32>>,
+    /// Thousands with a file.
+    joined: Vec<u32>,
+}
+
+impl LineFiles {
+    /// Lists the files.
+    pub fn of(dataset: &StoreFolder) -> Result<Self> {
+        let mut files = Self::default();
+        for (name, _) in dataset.list(&layout::lines())? {
+            if let Some(scene) = name.strip_suffix(".json").and_then(|number| number.parse::<u32>().ok()) {
+                files.lines.entry(scene / JOINED).or_default().push(scene);
+            } else if let Some(thousand) = name.strip_suffix(".jsonl").and_then(|number| number.parse().ok()) {
+                files.joined.push(thousand);
+            }
+        }
+        files.lines.values_mut().for_each(|scenes| scenes.sort_unstable());
+        files.joined.sort_unstable();
+        Ok(files)
+    }
+
+    /// Whether no line has a file of its own.
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty() && self.joined.is_empty()
+    }
+
+    /// Whether a scene has a line in a file.
+    pub fn has(&self, scene: u32) -> bool {
+        let thousand = scene / JOINED;
+        let is_line = || self.lines.get(&thousand).is_some_and(|scenes| scenes.binary_search(&scene).is_ok());
+        self.joined.binary_search(&thousand).is_ok() || is_line()
+    }
+
+    /// The files: first the joined ones, which are older.
+    pub(super) fn paths(&self) -> impl Iterator<Item = DatasetPath> {
+        let lines = self.lines.values().flatten().copied().map(layout::line);
+        self.joined.iter().copied().map(layout::lines_of_thousand).chain(lines)
+    }
+
+    /// Joins the lines of each thousand that has all of them.
+    pub(super) fn join(&self, dataset: &StoreFolder) -> Result<()> {
+        let is_whole = |(thousand, scenes): &(&u32, &Vec<u32>)| {
+            scenes.len() == JOINED as usize && self.joined.binary_search(thousand).is_err()
+        };
+        for (&thousand, scenes) in self.lines.iter().filter(is_whole) {
+            let paths: Vec<DatasetPath> = scenes.iter().copied().map(layout::line).collect();
+            let read: Option<Vec<Vec<u8>>> = requests::read(dataset, &paths, &RUN_LIST_BYTES)?.into_iter().collect();
+            // Another worker joins them at this moment.
+            let Some(lines) = read else { continue };
+            if dataset.write_new(&layout::lines_of_thousand(thousand), &lines.concat())? {
+                requests::each(dataset, paths.len(), &|number| dataset.remove(&paths[number]))?;
+            }
+        }
+        Ok(())
+    }
+}
