@@ -160,11 +160,10 @@ impl DatasetRecord {
         tables.find_map(|(_, table)| value(table, &["assets", id, key]))
     }
 
-    /// The assets of finished scenes, by pool, with their licenses.
+    /// The assets that were drawn for scenes, by pool, with their licenses.
     pub fn pools(&self, licenses: &Licenses) -> Vec<PoolView> {
         let mut used: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
-        let made = self.journal.values().filter(|entry| !entry.failed());
-        for (asset, digest) in made.flat_map(|entry| &entry.assets) {
+        for (asset, digest) in self.journal.assets() {
             if let Some((pool, name)) = asset.split_once('/').filter(|_| digest != "bad") {
                 used.entry(pool).or_default().insert(name);
             }
