@@ -25,7 +25,7 @@ fn generated() -> BTreeMap<String, String> {
     let reference = Reference::of(&schema);
     let journal = schemars::generate::SchemaSettings::draft07()
         .into_generator()
-        .into_root_schema_for::<run::dataset::journal::JournalEntry>();
+        .into_root_schema_for::<run::dataset::journal::JournalLine>();
     let journal = serde_json::to_string_pretty(&journal).expect("plain data");
     let log =
         schemars::generate::SchemaSettings::draft07().into_generator().into_root_schema_for::<run::progress::LogLine>();
