@@ -1,4 +1,4 @@
-//! What the lines of a whole dataset have in common: anomalies, refused poses and omitted data.
+//! Remarks of the lines of a whole dataset: anomalies, refused poses and omitted data.
 
 use crate::pools::BAD;
 use crate::run::dataset::draws::{PoseDraws, in_words};

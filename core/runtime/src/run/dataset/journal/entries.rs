@@ -33,7 +33,7 @@ struct Packed {
     remark: u32,
 }
 
-/// What the lines of a recipe have in common.
+/// Fields that many lines have in common.
 #[derive(Debug, Clone)]
 struct Form {
     failed: bool,

@@ -1,8 +1,8 @@
 //! Lines in files of their own: one line that a worker has just written, or all lines of a thousand scenes.
 //!
 //! Workers cannot append to one file together. When a worker finds the lines of scenes 3000 to 3999, it writes them into
-//! one file, which must be new, and removes the others. A line that is there beside the file of its thousand came later,
-//! and counts.
+//! one file, which must be new, and removes the others. A line beside the file of its thousand came later, and
+//! counts.
 
 use crate::run::dataset::layout;
 use crate::run::dataset::requests;

@@ -371,7 +371,7 @@ impl JournalLines {
         Ok(if self.advance()? { Some(&self.line) } else { None })
     }
 
-    /// Reads the next line. Returns whether there is one.
+    /// Reads the next line. Returns `false` after the last one.
     fn advance(&mut self) -> Result<bool> {
         let Some(file) = &mut self.file else { return self.advance_file() };
         self.line.clear();
