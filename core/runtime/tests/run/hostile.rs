@@ -226,7 +226,7 @@ fn lists_of_large_datasets_are_checked_when_they_are_read() {
             assert!(place.is_unharmed() && data.join(".syntable/lock").exists(), "{bad}");
         }
     }
-    // Links in place of own folders and own files.
+    // Own folders and own files that are links.
     for (name, target) in [("scenes/001", "others"), ("settled/001", "others"), ("shards/lines/001", "others")] {
         place.remake();
         make_large();
