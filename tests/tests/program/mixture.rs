@@ -69,9 +69,11 @@ fn components(out: &Path) -> BTreeMap<u32, String> {
     let text = std::fs::read_to_string(out.join(".syntable/journal.jsonl")).expect("a journal");
     let entry = |line: &str| {
         let entry: Json = serde_json::from_str(line).expect("a line");
-        (entry["scene"].as_u64().expect("a number") as u32, entry["component"].as_str().expect("a name").to_owned())
+        // The first line has the digests of assets.
+        let scene = entry["scene"].as_u64()? as u32;
+        Some((scene, entry["component"].as_str().expect("a name").to_owned()))
     };
-    text.lines().map(entry).collect()
+    text.lines().filter_map(entry).collect()
 }
 
 /// Names of the categories of each image's annotations, sorted, and the image's size.

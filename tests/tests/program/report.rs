@@ -519,7 +519,7 @@ fn a_damaged_dataset_is_shown_as_far_as_it_goes() {
     ok(std::process::Command::new("cp").arg("-r").arg(dataset()).arg(&data));
     let journal = data.join(".syntable/journal.jsonl");
     let text = fs::read_to_string(&journal).expect("a journal");
-    fs::write(&journal, text.replacen("{", "{{", 1)).expect("writable");
+    fs::write(&journal, text.replacen("{\"scene\"", "{{\"scene\"", 1)).expect("writable");
     let name = annotations(&data)["images"][0]["file_name"].as_str().expect("a name").to_owned();
     let image = files(&data).into_keys().find(|path| path.ends_with(&name)).expect("an image");
     fs::remove_file(data.join(image)).expect("there");
