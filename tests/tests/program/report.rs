@@ -541,7 +541,7 @@ fn a_damaged_dataset_is_shown_as_far_as_it_goes() {
     for text in [told.as_ref(), shown.as_str()] {
         for part in [
             name.as_str(),
-            "line 1 is not a journal line",
+            "line 2 is not a journal line",
             "times.jsonl: it is not a file",
             ".glb: a link leads outside the folder",
         ] {
