@@ -75,7 +75,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, claim: ClaimOptions, reporter:
         if let Some(outcome) = run_in(recipe, &alone, &end, &Times::default(), &open)? {
             return Ok(outcome);
         }
-        wait.pause("other workers make the last scenes, or end the run")?;
+        wait.pause("other workers make the last scenes or end the run; a suspended one must continue or be killed")?;
     }
 }
 
