@@ -83,6 +83,40 @@ fn workers_give_the_dataset_of_one_run() {
     assert_same(files(&out), whole, "grown");
 }
 
+/// Workers make the same scenes at the same moments, because their claims differ or vanish. Each writes the same bytes, and
+/// none disturbs another.
+#[test]
+fn claims_only_spare_work() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = recipe(10);
+    run(&text, &folder.path().join("whole"), 1).expect("one run");
+    let whole = files(&folder.path().join("whole"));
+    for round in 0..6 {
+        let out = folder.path().join(round.to_string());
+        let store = Arc::new(MemStore::remote());
+        let at: StoreFolder = if round % 3 == 2 { Arc::clone(&store).into() } else { (&out).into() };
+        let claims = out.join(".syntable/claims");
+        let made = thread::scope(|threads| {
+            let start = |block: u32| {
+                let (text, options) = (&text, options(at.clone(), block));
+                threads.spawn(move || run_with(text, options, &Quiet).map(|outcome| outcome.scenes))
+            };
+            let workers: Vec<_> = [1, 5, 2, 1].map(start).into();
+            while round % 3 == 0 && workers.iter().any(|worker| !worker.is_finished()) {
+                let names = fs::read_dir(&claims).into_iter().flatten().flatten().map(|entry| entry.path());
+                names
+                    .filter(|path| path.extension().is_some_and(|it| it == "json"))
+                    .for_each(|path| drop(fs::remove_file(path)));
+                thread::sleep(Duration::from_millis(3));
+            }
+            workers.into_iter().map(|worker| worker.join().expect("no panic")).collect::<Vec<_>>()
+        });
+        assert!(made.iter().all(|made| *made == Ok(10)), "round {round}: {made:?}");
+        let made = if round % 3 == 2 { files_of(&store) } else { files(&out) };
+        assert_same(made, whole.clone(), &format!("round {round}"));
+    }
+}
+
 #[test]
 fn a_lost_or_slow_worker_costs_its_block() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -23,7 +23,11 @@ pub fn error(name: impl AsRef<Path>, failure: &Failure) -> Error {
         },
     };
     let error = Error::io(name, &io::Error::new(kind, without_secrets(&text)));
-    help.map_or(error.clone(), |help| error.help(help))
+    match help {
+        Some(NOWHERE) => error.help(NOWHERE).of_request(),
+        Some(help) => error.help(help),
+        None => error,
+    }
 }
 
 /// Whether the store denied a request because of its credentials.

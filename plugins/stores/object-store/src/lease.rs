@@ -18,6 +18,7 @@ use object_store::{PutMode, UpdateVersion};
 use parking_lot::{Condvar, Mutex};
 use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher, Hasher};
+use std::io::{self, ErrorKind};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -82,13 +83,15 @@ impl Locks {
                     return Err(error.clone());
                 }
                 if state.changed.wait_until(&mut lease, end).timed_out() {
-                    let error = Error::io("the lock", &std::io::ErrorKind::TimedOut.into());
+                    let error = Error::io("the lock", &ErrorKind::TimedOut.into());
                     return Err(error.help("the store does not answer: check the network, then run the same command"));
                 }
             }
             if lease.is_lost {
-                let message = "another run has taken over the dataset, because this one could not renew its lock";
-                return Err(Error::new(message).help("wait for the other run, or stop it"));
+                let message = "this program could not renew it in time, for example in a suspended machine, and another program may \
+                               have taken over the dataset";
+                let error = Error::io("the lock", &io::Error::new(ErrorKind::TimedOut, message));
+                return Err(error.help("the same command continues, after another run that has the dataset for itself"));
             }
         }
         Ok(())

@@ -105,7 +105,7 @@ fn a_run_that_lost_its_lease_writes_nothing() {
         files.remove_all(&path("b")),
     ] {
         let error = done.expect_err("lost").to_string();
-        assert!(error.contains("another run has taken over the dataset"), "{error}");
+        assert!(error.contains("another program may have taken over the dataset"), "{error}");
     }
     drop(held);
     assert_eq!(

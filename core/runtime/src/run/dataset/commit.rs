@@ -1,6 +1,6 @@
 //! Moves a staged scene into the dataset.
 
-use crate::run::dataset::folder::Folder;
+use crate::run::dataset::folder::{Folder, owner_of};
 use crate::run::dataset::journal::{Journal, JournalEntry, SceneLine, SceneOutcome};
 use crate::run::dataset::layout::{self, MARK, RECORD};
 use crate::run::dataset::manifest::{FileState, Files, Manifest, Stamp, Written};
@@ -112,7 +112,7 @@ impl Folder {
             self.staged(&part(scene)).write(&layout::manifest(scene), text.as_bytes())?;
         }
         let mut journal = journal.lock();
-        self.check_places(&new, &own, journal.entries().get(scene))?;
+        self.check_places(scene, (&new, &own), journal.entries().get(scene))?;
         let ready = ready(scene);
         self.files.remove_all(&layout::staged(&ready))?;
         if !entry.failed() {
@@ -139,7 +139,7 @@ impl Folder {
         let has_line = {
             let mut journal = journal.lock();
             let present = journal.entries().get(scene);
-            adopted = self.check_places(&new, &own, present)?;
+            adopted = self.check_places(scene, (&new, &own), present)?;
             let has_line = present.is_some_and(|present| !present.failed());
             self.accept_recipe(&mut journal)?;
             has_line
@@ -159,11 +159,19 @@ impl Folder {
             // A new scene has no files but these.
             let is_new = own.files.is_empty();
             let listing = if is_new { text.clone() } else { both.text().0 };
-            self.files.write(&listed, listing.as_bytes())?;
+            // Another worker may write the same list at this moment.
+            let writes_new = || {
+                let is_written = self.files.write_new(&listed, listing.as_bytes())?;
+                Ok(is_written || self.files.read(&listed)?.is_some_and(|there| there == listing.as_bytes()))
+            };
+            let is_listed = own == manifest || (is_new && self.is_shared() && writes_new()?);
+            if !is_listed {
+                self.files.write(&listed, listing.as_bytes())?;
+            }
             self.remove_each(&stale)?;
             let owns = |path: &str| own.has(path) || adopted.contains(path) || path.starts_with(MARK);
-            self.send_new(&part(scene), &new, owns)?;
-            if !is_new {
+            self.send_new(scene, &new, owns)?;
+            if !is_new && own != manifest {
                 self.files.write(&listed, text.as_bytes())?;
             }
             journal.lock().append(entry.clone())?;
@@ -177,8 +185,9 @@ impl Folder {
 
     /// Sends the staged files of a scene. A path that the scene does not own must be new in an object store: another scene
     /// may have taken it since the paths were checked.
-    fn send_new(&self, part: &str, new: &Manifest, owns: impl Fn(&str) -> bool + Sync) -> Result<()> {
-        let (staged, paths) = (self.staged(part), new.files.keys().collect::<Vec<_>>());
+    fn send_new(&self, scene: u32, new: &Manifest, owns: impl Fn(&str) -> bool + Sync) -> Result<()> {
+        let (part, paths) = (&part(scene), new.files.keys().collect::<Vec<_>>());
+        let staged = self.staged(part);
         let send = |number: usize| {
             let path = paths[number];
             if !self.files.is_remote() || owns(path) || new.files[path].0 > MOST_AT_ONCE {
@@ -188,7 +197,11 @@ impl Folder {
             if self.files.write_new(path, &bytes)? {
                 return Ok(());
             }
-            Err(taken(path, self.owners(&[path])?.get(path.as_str()), LEAVE))
+            let owners = self.owners(&[path])?;
+            match owners.get(path.as_str()) {
+                Some(owner) if self.is_shared() && *owner == owner_of(scene) => self.send(part, path, path),
+                owner => Err(taken(path, owner, LEAVE)),
+            }
         };
         requests::each(&self.files, paths.len(), &send).map(drop)
     }
@@ -207,7 +220,12 @@ impl Folder {
 
     /// Refuses new files of a scene at existing paths outside its `own`. `present` is its journal line. Returns the paths
     /// that the scene owns although its manifest is lost.
-    fn check_places(&self, new: &Manifest, own: &Manifest, present: Option<SceneLine>) -> Result<BTreeSet<String>> {
+    fn check_places(
+        &self,
+        scene: u32,
+        (new, own): (&Manifest, &Manifest),
+        present: Option<SceneLine>,
+    ) -> Result<BTreeSet<String>> {
         let unowned = new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK));
         let unowned: Vec<&DatasetPath> = unowned.collect();
         let exists = requests::each(&self.files, unowned.len(), &|number| self.files.has(unowned[number]))?;
@@ -224,7 +242,9 @@ impl Folder {
         let present = present.and_then(|present| present.manifest());
         let lost = present.is_some_and(|digest| own.text().1 != digest);
         let owners = self.owners(&clashes)?;
-        match clashes.iter().find(|path| !lost || owners.contains_key(**path)) {
+        // Another worker makes the same scene at this moment, and writes the same bytes.
+        let is_own = |path: &str| self.is_shared() && owners.get(path) == Some(&owner_of(scene));
+        match clashes.iter().filter(|path| !is_own(path)).find(|path| !lost || owners.contains_key(**path)) {
             Some(path) => Err(taken(path, owners.get(*path), LEAVE)),
             None => Ok(clashes.into_iter().map(str::to_owned).collect()),
         }

@@ -212,11 +212,16 @@ impl Folder {
         add(&self.finished()?.manifest, "a file that the end of a run writes");
         for scene in self.listed_scenes()? {
             if let Some(manifest) = self.manifest(scene)? {
-                add(&manifest, &format!("a file of scene {scene}"));
+                add(&manifest, &owner_of(scene));
             }
         }
         Ok(owners)
     }
+}
+
+/// A scene as the owner of files, in messages.
+pub(super) fn owner_of(scene: u32) -> String {
+    format!("a file of scene {scene}")
 }
 
 /// The error for a file of a scene that differs from the scene's manifest, or is gone.
