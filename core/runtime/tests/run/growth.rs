@@ -1,7 +1,8 @@
 //! Datasets that grow: more scenes, more views, more writers. The result equals the dataset of one run.
 
-use crate::kit::{Counters, options, registry, run, run_scenes, run_with};
+use crate::kit::{Counters, options, registry, rivals, run, run_scenes, run_with};
 use std::path::Path;
+use syntable_recipe::{Overrides, Source, load};
 use syntable_runtime::run::progress::Quiet;
 use syntable_runtime::run::{RunOptions, verify};
 use syntable_testing::folder::files;
@@ -25,6 +26,28 @@ pub fn assert_same(left: &Path, right: &Path) {
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         assert!(*bytes == b[name], "{name}:\n{}\n{}", text(bytes), text(&b[name]));
     }
+}
+
+/// A stage of the same kind may come from another crate, or from another file in Python. Its values may differ.
+#[test]
+fn a_stage_of_another_crate_does_not_continue_a_dataset() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run_by = |thinker: &'static str, out: &str, text: &str| {
+        let (recipe, _) =
+            load(&rivals(thinker, "echo"), Source::embedded("test.toml", text), &Overrides::of_process(Vec::new()))
+                .unwrap_or_else(|report| panic!("{report}"));
+        syntable_runtime::run::run(&recipe, &options(&folder.path().join(out), 1), &Quiet)
+    };
+    let text = |scenes| recipe(scenes, 1, 0, "[annotate.thinker]\n[write.lines]\ninclude = [\"thought\"]\n");
+    run_by("one", "data", &text(1)).expect("begun");
+    for (thinker, scenes) in [("two", 1), ("two", 2), ("kit", 2)] {
+        let error = run_by(thinker, "data", &text(scenes)).expect_err("another crate").to_string();
+        assert!(error.contains("lock.plugins.one"), "{thinker}: {error}");
+    }
+    run_by("kit", "other", &text(1)).expect("begun");
+    let error = run_by("two", "other", &text(2)).expect_err("another crate").to_string();
+    assert!(error.contains("lock.plugins.two"), "{error}");
+    run_by("one", "data", &text(2)).expect("the same crate");
 }
 
 #[test]

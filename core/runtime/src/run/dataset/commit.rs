@@ -2,7 +2,7 @@
 
 use crate::run::dataset::folder::{Folder, owner_of};
 use crate::run::dataset::journal::{Journal, JournalEntry, SceneLine, SceneOutcome};
-use crate::run::dataset::layout::{self, MARK, RECORD};
+use crate::run::dataset::layout::{self, MARK, PART_OF_RECORD, RECORD};
 use crate::run::dataset::manifest::{FileState, Files, Manifest, Stamp, Written};
 use crate::run::dataset::records::OWNER;
 use crate::run::dataset::requests;
@@ -274,7 +274,7 @@ impl Folder {
     pub(super) fn publish(&self, ready: &str, staged: Staged, journal: &mut Journal) -> Result<()> {
         // A file to remove may be where new files need a folder.
         self.remove_each(&staged.stale)?;
-        self.place(ready, None, |path| path != RECORD)?;
+        self.place(ready, None, |path| ![RECORD, PART_OF_RECORD].contains(&path))?;
         if !journal.entries().has(&staged.entry) {
             journal.append(staged.entry)?;
         }

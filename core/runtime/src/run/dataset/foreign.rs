@@ -1,7 +1,7 @@
 //! Checks whether a dataset from another person is safe to work on: its own folder has no links, and its lists name
 //! only files of the dataset. This runs before any file is written, moved or removed.
 
-use crate::run::dataset::layout::{self, BIN, FINISHED, MARK, RECIPE, RECORD, SCENES, STAGING};
+use crate::run::dataset::layout::{self, BIN, FINISHED, MARK, PART_OF_RECORD, RECIPE, RECORD, SCENES, STAGING};
 use crate::workers::{self, Pool};
 use parking_lot::Mutex;
 use serde::Deserialize;
@@ -275,7 +275,8 @@ fn may_be_staged(path: &str) -> bool {
     let inside = path.strip_prefix(MARK).and_then(|inside| inside.strip_prefix('/')).and_then(in_ready);
     let Some(own) = inside.and_then(|(_, staged)| staged.strip_prefix(MARK)?.strip_prefix('/')) else { return true };
     let folder = own.split_once('/').map_or("", |(folder, _)| folder);
-    [SCENES, "settled", "shards"].contains(&folder) || inside.is_some_and(|(_, staged)| staged == RECORD)
+    [SCENES, "settled", "shards"].contains(&folder)
+        || inside.is_some_and(|(_, staged)| [RECORD, PART_OF_RECORD].contains(&staged))
 }
 
 fn what_is(kind: FileKind, expected: FileKind) -> String {

@@ -45,6 +45,8 @@ pub const BIN: &str = "discard";
 pub const SHARDS: &str = ".syntable/shards/";
 /// Record of a staged scene, at a path that no writer can write.
 pub const RECORD: &str = ".syntable/staged.json";
+/// A record that a killed run has not finished.
+pub const PART_OF_RECORD: &str = ".syntable/staged.json.part";
 
 const JOURNAL: &str = "journal.jsonl";
 const CLAIMS: &str = "claims";

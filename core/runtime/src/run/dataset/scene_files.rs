@@ -60,8 +60,10 @@ impl SceneFiles {
                 _ => Err(wrong()),
             };
         }
-        if path.folders().map(|folder| self.dataset.has_link(folder)).find(|found| *found != Ok(false)).is_some() {
-            return Err(wrong());
+        for folder in path.folders() {
+            if self.dataset.has_link(folder)? {
+                return Err(wrong());
+            }
         }
         let file = self.dataset.open(path)?.filter(|file| file.size == stamp.0).ok_or_else(wrong)?;
         let mut bytes = Vec::with_capacity(stamp.0 as usize);

@@ -58,13 +58,16 @@ pub fn differences(before: &str, now: &str) -> Vec<Difference> {
         let keys = if keys == 0 { &mut before } else { &mut now };
         let kind = keys.get(&format!("{table}.kind")).cloned().unwrap_or_default();
         keys.retain(|key, _| keyed_table(key) != Some(table));
-        keys.insert(table.clone(), format!("kind {kind}"));
+        keys.insert(table.clone(), format!("{KIND}{kind}"));
     }
     let keys: BTreeSet<&String> = before.keys().chain(now.keys()).collect();
     let values = |key: &String| [before.get(key).cloned(), now.get(key).cloned()];
     let differing = keys.into_iter().filter(|key| before.get(*key) != now.get(*key));
     differing.map(|key| Difference { key: key.clone(), values: values(key) }).collect()
 }
+
+/// Start of the value that represents a whole table.
+const KIND: &str = "kind ";
 
 fn keys_of(text: &str) -> BTreeMap<String, String> {
     fn walk(path: &str, value: &toml::Value, keys: &mut BTreeMap<String, String>) {
@@ -106,6 +109,14 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe, rewrite: bool) -> Resu
     let mut others = Vec::new();
     let (mut added, mut changed) = (BTreeSet::new(), BTreeSet::new());
     let had: BTreeSet<String> = keys_of(before).keys().filter_map(|key| table_of(key)).map(str::to_owned).collect();
+    // A crate is used for the first time, or no longer, because a stage is new, gone or of another kind. Without one, another
+    // crate provides a stage of the same kind.
+    let has_kind = |side: usize| {
+        move |Difference { key, values }: &Difference| {
+            values[side].as_ref().is_some_and(|value| key.ends_with(".kind") || value.starts_with(KIND))
+        }
+    };
+    let is_explained = [0, 1].map(|side| differences.iter().any(has_kind(side)));
     for difference in differences {
         let Difference { key, values } = &difference;
         let numbers = || -> Option<[u32; 2]> {
@@ -115,8 +126,8 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe, rewrite: bool) -> Resu
         match key.as_str() {
             "dataset.scenes" if numbers().is_some() => growth.scenes = numbers(),
             "dataset.views_per_scene" if numbers().is_some() => growth.views = numbers(),
-            // Crates that became used or unused, which the tables of their stages show as well.
-            key if key.starts_with("lock.plugins.") && (values[0].is_none() || values[1].is_none()) => {}
+            key if key.starts_with("lock.plugins.")
+                && (values[0].is_none() && is_explained[1] || values[1].is_none() && is_explained[0]) => {}
             key => match table_of(key) {
                 Some(table) if !had.contains(table) => {
                     if let Some(id) = table.strip_prefix("write.") {
