@@ -100,7 +100,7 @@ mod tests {
             let error = work(1010).expect_err("stopped");
             assert_eq!(error.to_string(), "render: stopped by its caller");
             assert_eq!(error, Error::stopped("stopped by its caller").context("render"));
-            // A job may begin while another one requests the stop.
+            // A job may begin while another job requests the stop.
             assert!(late.load(Ordering::SeqCst) < threads, "{late:?}");
         }
     }
