@@ -265,7 +265,7 @@ fn wrong_buckets_and_credentials_fail_soon_with_a_remedy() {
     nobody.env_remove("AWS_ACCESS_KEY_ID").env_remove("AWS_SECRET_ACCESS_KEY").env_remove("AWS_SESSION_TOKEN");
     nobody.env("HOME", bucket.local("home"));
     for (mut command, code, says) in [
-        (elsewhere, 1, ["s3://lob/mine", "bucket does not exist", "check the name of the bucket"]),
+        (elsewhere, 2, ["s3://lob/mine", "bucket does not exist", "check the name of the bucket"]),
         (reach(&Key { id: "AKIANOBODY", ..NEW }), 1, ["s3://lab/mine", "credentials", "have expired"]),
         (reach(&Key { secret: "wrong", ..NEW }), 1, ["s3://lab/mine", "credentials", "have expired"]),
         (nowhere, 1, ["s3://lab/mine", "connection refused", "check the network, the endpoint"]),
