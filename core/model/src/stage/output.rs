@@ -123,9 +123,11 @@ pub struct Finish {
     open: Option<OpenFile>,
 }
 
+type Open = dyn Fn(SceneId, &DatasetPath) -> Result<StoredFile> + Send + Sync;
+
 /// Opens a file of a scene.
 #[derive(Clone)]
-struct OpenFile(Arc<dyn Fn(SceneId, &DatasetPath) -> Result<StoredFile> + Send + Sync>);
+struct OpenFile(Arc<Open>);
 
 impl std::fmt::Debug for OpenFile {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

@@ -350,8 +350,8 @@ remarks! {
     errors: Vec<String>,
 }
 
-fn is_default<T: Default + PartialEq + Clone>(value: &Cow<T>) -> bool {
-    **value == T::default()
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// The text of a form.
@@ -486,7 +486,7 @@ mod tests {
             JournalEntry::new(scene, scene % 3, SceneOutcome::Made { views, objects, writers, recorded, manifest })
         };
         let each = |scene: u32| {
-            let plain = made(scene, &["coco", "png \"2\""], if scene % 2 == 0 { &["masks"] } else { &[] });
+            let plain = made(scene, &["coco", "png \"2\""], if scene.is_multiple_of(2) { &["masks"] } else { &[] });
             match scene % 10 {
                 0 => JournalEntry { notices: BTreeSet::from([Notice::Black, Notice::Unlit]), ..plain },
                 1 => JournalEntry { odd_views: BTreeMap::from([(Notice::White, vec![scene, scene + 1])]), ..plain },
