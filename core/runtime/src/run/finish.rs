@@ -52,7 +52,7 @@ pub fn end(
     }
     let mut journal = journal.into_inner();
     let resolved = with_lock(resolved, &Lock { assets: journal.entries().assets().clone(), ..Lock::default() });
-    let losses = match folder.last_end(&resolved, &journal)?.filter(|_| !repair) {
+    let losses = match folder.last_end(&resolved)?.filter(|_| !repair) {
         Some(Finished { left_out, .. }) => left_out,
         None => write_end(recipe, (workers, &Warnings(reporter)), folder, &mut journal, &resolved, repair)?,
     };

@@ -73,7 +73,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     let log = Warnings(reporter);
     let folder = Folder::open(&out)?;
     folder.recover()?;
-    let journal = folder.journal()?;
+    let mut journal = folder.journal()?;
     let recipe_of_target = if folder.is_empty(&journal)? { None } else { Some(recipe_of(&folder, "dataset")?) };
     let begun = MergePart {
         entries: journal.entries().clone(),
@@ -103,7 +103,6 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
         images: chosen.iter().map(|(line, _)| u64::from(line.views())).sum(),
         threads: *threads,
     });
-    let mut journal = journal;
     parts.iter().try_for_each(|part| journal.add_assets(part.entries.assets()))?;
     let (journal, pool) = (Mutex::new(journal), Pool::new(*threads)?);
     adopt_all(&begun.folder, &chosen, &journal, &pool, stop)?;

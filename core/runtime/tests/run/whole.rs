@@ -114,6 +114,22 @@ fn files_of_a_scene_without_its_manifest_are_told_from_others() {
     assert_same(&whole, &data);
 }
 
+/// The record of a staged scene is half written.
+#[test]
+fn a_run_that_was_killed_within_a_record_goes_on() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [whole, data] = ["whole", "data"].map(|name| folder.path().join(name));
+    run(RECIPE, &whole, 1).expect("whole");
+    run_scenes(RECIPE, &data, 1, Some(0..1)).expect("begun");
+    let staged = data.join(".syntable/staging/1.ready");
+    fs::create_dir_all(staged.join(".syntable")).expect("writable");
+    fs::create_dir_all(staged.join("lines")).expect("writable");
+    fs::write(staged.join(".syntable/staged.json.part"), "{").expect("writable");
+    fs::copy(whole.join("lines/000001.json"), staged.join("lines/000001.json")).expect("copied");
+    run(RECIPE, &data, 1).expect("it goes on");
+    assert_same(&whole, &data);
+}
+
 #[test]
 fn only_damaged_scenes_are_made_again() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -3,7 +3,7 @@
 use crate::run::dataset::commit::{LEAVE, taken};
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::foreign;
-use crate::run::dataset::journal::{Journal, LineFiles};
+use crate::run::dataset::journal::Journal;
 use crate::run::dataset::layout::{self, RECIPE};
 use crate::run::dataset::loss::Loss;
 use crate::run::dataset::manifest::{FileState, Files, Manifest, Stamp};
@@ -45,8 +45,7 @@ impl Finished {
 pub fn is_finished(dataset: &StoreFolder) -> Result<bool> {
     let Some(digest) = Finished::of(dataset)?.journal else { return Ok(false) };
     // Lines in files of their own were written after the last end.
-    let journal = layout::journal();
-    Ok(LineFiles::of(dataset)?.is_empty() && dataset.has(&journal)? && Stamp::of(dataset, &journal)?.1 == digest)
+    Journal::has_digest(dataset, digest)
 }
 
 /// Digest that identifies a recipe: all of it except the locked assets.
@@ -65,9 +64,9 @@ impl Folder {
     }
 
     /// Results of the last end, if the recipe, the journal and the sizes of the files have not changed since.
-    pub fn last_end(&self, resolved: &str, journal: &Journal) -> Result<Option<Finished>> {
+    pub fn last_end(&self, resolved: &str) -> Result<Option<Finished>> {
         let last = self.finished()?;
-        if last.recipe != Some(digest_of_recipe(resolved)) || !journal.is_as_of(last.journal)? {
+        if last.recipe != Some(digest_of_recipe(resolved)) || !is_finished(&self.files)? {
             return Ok(None);
         }
         for (path, Stamp(size, _)) in &last.manifest.files {

@@ -450,16 +450,18 @@ mod tests {
     #[ignore = "measures: cargo test --release -p syntable-runtime --lib ten_thousand -- --ignored --nocapture"]
     fn ten_thousand_lists() {
         let folder = tempfile::tempdir().expect("a folder");
-        let scenes = folder.path().join(MARK).join("scenes");
-        std::fs::create_dir_all(&scenes).expect("writable");
         let digest = syntable_model::digest::Digest::of(b"").to_string();
         for scene in 0..10_000 {
             let names = (0..60).map(|file| format!("png/product_{}/{scene}_{}.png", file % 6, file / 6));
             let names: Vec<String> = names.map(|name| format!("\"{name}\"")).collect();
             let files: Vec<String> = names.iter().map(|name| format!("{name}:[12345,\"{digest}\"]")).collect();
             let text = format!(r#"{{"files":{{{}}},"writers":{{"png":[{}]}}}}"#, files.join(","), names.join(","));
-            std::fs::write(scenes.join(format!("{scene:06}.json")), text).expect("writable");
+            let path = layout::manifest(scene).below(folder.path());
+            std::fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
+            std::fs::write(path, text).expect("writable");
         }
+        let own = own_files(&folder.path().into(), Depth::Files).expect("readable");
+        assert_eq!(own.lists.len(), 10_000);
         for _ in 0..3 {
             let start = std::time::Instant::now();
             check(&folder.path().into()).expect("sound");

@@ -170,13 +170,10 @@ impl Journal {
         &self.entries
     }
 
-    /// Whether the file has all lines, and this digest.
-    pub fn is_as_of(&self, digest: Option<Digest>) -> Result<bool> {
+    /// Whether the journal of a dataset has this digest, and no line in a file of its own.
+    pub fn has_digest(dataset: &StoreFolder, digest: Digest) -> Result<bool> {
         let path = layout::journal();
-        Ok(self.loose == 0
-            && digest.is_some()
-            && self.dataset.has(&path)?
-            && Some(Stamp::of(&self.dataset, &path)?.1) == digest)
+        Ok(LineFiles::of(dataset)?.is_empty() && dataset.has(&path)? && Stamp::of(dataset, &path)?.1 == digest)
     }
 
     /// Appends a line, and syncs it. Digests of assets that the journal has are not written again.
