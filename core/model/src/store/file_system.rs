@@ -298,11 +298,22 @@ fn create_file(path: &Path) -> Result<io::Result<File>> {
     Ok(File::create_new(path))
 }
 
-/// Times that a folder is created for one file.
+/// Times that a folder is created for one file, and each folder of its path for itself.
 const FOLDER_TRIES: u32 = 100;
 
+/// Creates the folders that a file is in. Another worker may remove an empty one in between: then the system finds the
+/// folder when it is to create it, and does not find it a moment later.
 fn create_parent(path: &Path) -> Result<()> {
-    path.parent().map_or(Ok(()), |parent| fs::create_dir_all(parent).map_err(|error| Error::io(parent, &error)))
+    let Some(parent) = path.parent() else { return Ok(()) };
+    let mut created = fs::create_dir_all(parent);
+    for _ in 1..FOLDER_TRIES {
+        let is_race = |error: &io::Error| matches!(error.kind(), ErrorKind::AlreadyExists | ErrorKind::NotFound);
+        match &created {
+            Err(error) if is_race(error) => created = fs::create_dir_all(parent),
+            _ => break,
+        }
+    }
+    created.map_err(|error| Error::io(parent, &error))
 }
 
 fn is_gone(error: &io::Error) -> bool {
