@@ -3,6 +3,7 @@
 //! An error states the failure, its file and place if it has them, and a remedy. Messages are lower case and have no
 //! full stop, so that they can be joined.
 
+use crate::shown::shown;
 use std::fmt;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -88,7 +89,12 @@ impl Error {
     }
 
     /// A failed operation of the file system.
+    ///
+    /// If the failure is an error of this type, as of a file in a mirror, it stays as it is.
     pub fn io(file: impl AsRef<Path>, error: &std::io::Error) -> Self {
+        if let Some(own) = error.get_ref().and_then(|inner| inner.downcast_ref::<Self>()) {
+            return own.clone().in_file(file);
+        }
         // Rust has no stable kind for it: a cycle of links.
         let kind = if error.raw_os_error() == Some(ELOOP) { ErrorKind::InvalidInput } else { error.kind() };
         let text = error.to_string().to_lowercase();
@@ -153,6 +159,11 @@ impl Error {
         matches!(self.cause, Cause::Io(kind) if !of_file(kind))
     }
 
+    /// The kind of a failed operation of the file system.
+    pub fn io_kind(&self) -> Option<ErrorKind> {
+        if let Cause::Io(kind) = self.cause { Some(kind) } else { None }
+    }
+
     /// An error caused by random numbers, such as no place for a body. Other random numbers may avoid it, so the scene
     /// is tried again. Code that draws random numbers marks its errors so; errors from [`new`](Self::new) are
     /// permanent.
@@ -192,7 +203,7 @@ impl Error {
 
     /// Names the file, unless a deeper layer has named one.
     pub fn in_file(mut self, file: impl AsRef<Path>) -> Self {
-        self.file.get_or_insert_with(|| file.as_ref().to_owned());
+        self.file.get_or_insert_with(|| shown(file.as_ref()));
         self
     }
 

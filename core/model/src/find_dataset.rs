@@ -4,7 +4,6 @@ use crate::error::{Error, Result};
 use crate::files::RESERVED;
 use crate::reader::{DatasetFormat, OpenDataset, Source, Unread};
 use crate::registry::Registry;
-use crate::store::is_url;
 use crate::words::SHOWN;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -72,11 +71,6 @@ impl Found {
 fn find(formats: &[Arc<dyn DatasetFormat>], source: &Source, format: Option<&str>) -> Result<Found> {
     let root = source.path.as_path();
     let names = || formats.iter().map(|format| format.name()).collect::<Vec<_>>().join(", ");
-    if root.to_str().is_some_and(is_url) {
-        return Err(Error::new("datasets are read from folders, not from URLs")
-            .in_file(root)
-            .help(format!("copy the dataset first, for example with `syntable merge data/copy {}`", root.display())));
-    }
     if !root.is_dir() && !root.is_file() {
         return Err(Error::new("no such folder or file").in_file(root));
     }

@@ -86,6 +86,7 @@ pub mod intern;
 pub mod left_out;
 pub mod length_unit;
 pub mod limits;
+pub mod mirror;
 pub mod names;
 pub mod panics;
 pub mod photometry;
@@ -96,8 +97,10 @@ pub mod reader;
 pub mod registry;
 pub mod rule;
 pub mod scene;
+mod shown;
 pub mod stage;
 pub mod store;
+pub mod user_cache;
 pub mod words;
 
 pub use inventory;

@@ -7,17 +7,20 @@ use crate::check::{LabelCheck, LabelFault};
 use crate::error::{Error, Result};
 use crate::files::{DatasetFolder, Reach};
 use crate::left_out::LeftOut;
+use crate::mirror::Mirror;
 use crate::panics::guarded;
 use crate::product::standard::RGB_FILE;
 use crate::product::{KeyId, Mask, Products};
 use crate::rule;
 use crate::scene::{InstanceId, SceneId, ViewId};
+use crate::shown::shown;
 use crate::stage::DatasetInfo;
+use crate::store::{StoreFolder, is_url};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// A format of datasets that can be read. Crates register a [`Format`]; a program may add a format with state of its own
 /// ([`Registry::with_formats`](crate::registry::Registry::with_formats)).
@@ -194,12 +197,34 @@ pub struct Source {
     /// The folder of its images if the user names it; otherwise it is found by the layout of the format. Images may be in it by their
     /// whole names, or by the last parts of their names alone if these differ.
     pub image_folder: Option<PathBuf>,
+    /// The mirrors of URLs that the user named. They last as long as the source, and the dataset that it opens.
+    mirrors: Vec<Arc<Mirror>>,
 }
 
 impl Source {
-    /// A dataset whose names and links lead nowhere else.
+    /// A dataset on this machine whose names and links lead nowhere else.
     pub fn new(path: impl Into<PathBuf>) -> Self {
-        Self { path: path.into(), reach: Reach::Inside, image_folder: None }
+        Self { path: path.into(), reach: Reach::Inside, image_folder: None, mirrors: Vec::new() }
+    }
+
+    /// A dataset at a path of this machine or at a URL, with its images in the folder at a path or a URL if one is named. A
+    /// [`Mirror`] serves a URL.
+    ///
+    /// # Errors
+    /// If nothing is at a URL, or its store cannot be read.
+    pub fn at_name(path: &Path, image_folder: Option<&Path>) -> Result<Self> {
+        let mut mirrors = Vec::new();
+        let mut local = |path: &Path| match path.to_str().filter(|name| is_url(name)) {
+            // Refuses URLs that lost a slash.
+            None => StoreFolder::at(path).map(|_| path.to_owned()),
+            Some(url) => {
+                let (mirror, path) = Mirror::open(url)?;
+                mirrors.push(mirror);
+                Ok(path)
+            }
+        };
+        let (path, image_folder) = (local(path)?, image_folder.map(local).transpose()?);
+        Ok(Self { image_folder, mirrors, ..Self::new(path) })
     }
 
     /// The same source. If `is_trusted`, its names and links may lead anywhere; otherwise they must stay inside.
@@ -207,9 +232,14 @@ impl Source {
         Self { reach: if is_trusted { Reach::Anywhere } else { Reach::Inside }, ..self }
     }
 
-    /// The same source with its images in this folder.
-    pub fn with_images_in(self, image_folder: Option<PathBuf>) -> Self {
-        Self { image_folder, ..self }
+    /// The name that the user knows: the path, or the URL that a mirror serves.
+    pub fn name(&self) -> PathBuf {
+        shown(&self.path)
+    }
+
+    /// Whether files are downloaded from URLs.
+    pub fn is_remote(&self) -> bool {
+        !self.mirrors.is_empty()
     }
 
     /// The same source at another path.
@@ -395,6 +425,8 @@ pub struct OpenDataset {
     /// The reader's name in messages.
     reader: String,
     root: PathBuf,
+    /// Dropped after the reader, which reads files of them.
+    _mirrors: Vec<Arc<Mirror>>,
     /// All faults, computed at their first use.
     faults: OnceLock<Vec<DatasetFault>>,
 }
@@ -406,7 +438,8 @@ impl OpenDataset {
     /// The errors of the function. A panic in it becomes an error, too.
     pub fn open(reader: &str, source: &Source, open: impl FnOnce() -> Result<Opened>) -> Result<Self> {
         let (reader, root) = (format!("the reader of {reader}"), source.path.clone());
-        Ok(Self { opened: guarded(&reader, &root, open)?, reader, root, faults: OnceLock::new() })
+        let opened = guarded(&reader, &root, open)?;
+        Ok(Self { opened, reader, root, _mirrors: source.mirrors.clone(), faults: OnceLock::new() })
     }
 
     /// Reads an image; see [`ImageSource::read`].

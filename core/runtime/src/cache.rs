@@ -5,6 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use syntable_model::context::Cache;
 use syntable_model::digest::Digest;
+use syntable_model::user_cache::user_cache;
 
 /// A folder of cached results. Deleting it costs time, never correctness.
 #[derive(Debug, Clone)]
@@ -19,14 +20,9 @@ impl DiskCache {
         Self { root: Some(root.into()) }
     }
 
-    /// The user's cache: `$SYNTABLE_CACHE`, else `$XDG_CACHE_HOME/syntable`, else `~/.cache/syntable`. Without any of
-    /// these variables, nothing is kept, because other users can read and write a folder for temporary files.
+    /// The user's cache, in the folder [`user_cache`]. Nothing is kept without it.
     pub fn of_user() -> Self {
-        let var = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
-        let root = var("SYNTABLE_CACHE")
-            .or_else(|| Some(var("XDG_CACHE_HOME")?.join("syntable")))
-            .or_else(|| Some(var("HOME")?.join(".cache/syntable")));
-        Self { root }
+        Self { root: user_cache() }
     }
 
     /// No cache: nothing is kept.

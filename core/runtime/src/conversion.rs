@@ -72,8 +72,7 @@ pub fn convert(registry: &Registry, options: &ConvertOptions, reporter: &dyn Rep
     if let Some(folder) = options.out.local() {
         check_place(&folder, &options.dataset)?;
     }
-    let named =
-        Source::new(&options.dataset).trusting(options.trust_paths).with_images_in(options.image_folder.clone());
+    let named = Source::at_name(&options.dataset, options.image_folder.as_deref())?.trusting(options.trust_paths);
     let (format, dataset) = registry.open_dataset(&named, options.format.as_deref())?;
     check_images(&dataset, &options.dataset)?;
     let has = products_of(registry, &dataset);

@@ -57,9 +57,9 @@ pub fn validate_path(
     let found = match format.open(&found_at) {
         Ok(dataset) => validate(&dataset, registry.checks(), work)?,
         Err(error) if error.is_transient() => return Err(error),
-        Err(error) => Validated::unreadable(found_at.path.display().to_string(), &error),
+        Err(error) => Validated::unreadable(found_at.name().display().to_string(), &error),
     };
-    Ok(ValidatedDataset { dataset: named.path.display().to_string(), format: format.name(), found })
+    Ok(ValidatedDataset { dataset: named.name().display().to_string(), format: format.name(), found })
 }
 
 /// Contradictory ids: an id with different names, or a name with different ids. Compares each dataset with all before

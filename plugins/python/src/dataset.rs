@@ -32,8 +32,8 @@ impl Dataset {
         trust_paths: bool,
     ) -> PyResult<Self> {
         let registry = registry(py)?;
-        let source = Source::new(path).trusting(trust_paths).with_images_in(image_folder);
         let opened = py.detach(|| {
+            let source = Source::at_name(&path, image_folder.as_deref())?.trusting(trust_paths);
             let (kind, found) = registry.find_dataset(&source, format.as_deref())?;
             let companions = registry.companions(&source, &found);
             Ok((kind.name(), RunDataset::new(kind.open(&found)?, companions)))

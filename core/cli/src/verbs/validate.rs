@@ -60,7 +60,8 @@ pub(crate) fn validate(console: &Console, registry: &Registry, args: &ValidateAr
     );
     let work = ImageWork { workers: &pool, reporter: console.reporter(), stop: &stop };
     let one = |path: &PathBuf| {
-        let source = Source::new(path).trusting(args.trust_paths).with_images_in(args.image_folder.clone());
+        let source = Source::at_name(path, args.image_folder.as_deref()).map_err(|error| ended(&stop, error))?;
+        let source = source.trusting(args.trust_paths);
         validate_path(registry, &source, args.format.as_deref(), &work).map_err(|error| ended(&stop, error))
     };
     let all = args.datasets.iter().map(one).collect::<Result<Vec<ValidatedDataset>, Exit>>()?;

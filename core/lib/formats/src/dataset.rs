@@ -7,10 +7,10 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 use std::cell::Cell;
-use std::fs;
 use std::io::{Read, Write};
 use std::path::Path;
 use syntable_model::error::{Error, Result};
+use syntable_model::mirror::DatasetFile;
 
 /// An annotation file in memory: images of type `I`, annotations of type `A`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -39,7 +39,7 @@ impl<I: DeserializeOwned, A: DeserializeOwned> AnnotationDataset<I, A> {
     /// Reads a file.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let text = fs::read(path).map_err(|error| Error::io(path, &error))?;
+        let text = DatasetFile::read(path).map_err(|error| Error::io(path, &error))?;
         Self::from_bytes(&text).map_err(|error| error.in_file(path))
     }
 

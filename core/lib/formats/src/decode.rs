@@ -5,12 +5,13 @@ use crate::encode::rgb::RgbFormat;
 use crate::image_file;
 use crate::json;
 use png::{BitDepth, ColorType, Decoder, Transformations};
-use std::fs::{self, File};
+use std::fs;
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
 use syntable_model::files::replacement;
 use syntable_model::limits::{IMAGE_BYTES, IMAGE_PIXELS, JSON_VALUES, Limit, MEMBER_BYTES, TEXT_BYTES};
+use syntable_model::mirror::DatasetFile;
 use syntable_model::panics::guarded;
 use syntable_model::product::standard::{RGB, RGB_FILE};
 use syntable_model::product::{DType, KeyId, Plane, Products, Tensor, Value};
@@ -88,7 +89,7 @@ pub fn gray_of_size(path: &Path, size: [u32; 2]) -> Result<Plane<u16>> {
 
 /// Opens a file. Refuses paths that are not files, because reading a pipe would block forever. If a dataset lacks a
 /// file that it names, the error is a fault of the dataset.
-pub fn open(path: &Path) -> Result<File> {
+pub fn open(path: &Path) -> Result<DatasetFile> {
     let there = fs::metadata(path).map_err(|error| {
         let error = Error::io(path, &error);
         if error.is_transient() { error } else { error.of_request() }
@@ -96,13 +97,13 @@ pub fn open(path: &Path) -> Result<File> {
     if !there.is_file() {
         return Err(Error::new("it is not a file").in_file(path));
     }
-    File::open(path).map_err(|error| Error::io(path, &error))
+    DatasetFile::open(path).map_err(|error| Error::io(path, &error))
 }
 
 /// Reads a file from its beginning. Refuses a file larger than the limit, without reading it.
-pub fn read_at_most(file: File, limit: &Limit, path: &Path) -> Result<Vec<u8>> {
+pub fn read_at_most(file: DatasetFile, limit: &Limit, path: &Path) -> Result<Vec<u8>> {
     let fail = |error: std::io::Error| Error::io(path, &error);
-    let length = file.metadata().map_err(fail)?.len();
+    let length = file.size().map_err(fail)?;
     limit.check(length).map_err(|error| error.in_file(path))?;
     let mut bytes = Vec::with_capacity(length as usize);
     // The file may grow meanwhile.

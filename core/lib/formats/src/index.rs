@@ -10,13 +10,13 @@ use serde::de::{
 };
 use std::cell::Cell;
 use std::fmt;
-use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
 use syntable_model::files::replacement;
 use syntable_model::limits::RECORD_BYTES;
+use syntable_model::mirror::DatasetFile;
 
 /// The byte order mark that some editors put before UTF-8.
 pub(crate) const MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
@@ -86,7 +86,7 @@ impl Indexed {
     {
         let path = path.as_ref();
         let fail = |error: io::Error| Error::io(path, &error);
-        let mut file = BufReader::new(File::open(path).map_err(fail)?);
+        let mut file = BufReader::new(DatasetFile::open(path).map_err(fail)?);
         let (at, until) = (Cell::new(0), Cell::new(u64::MAX));
         let start = file.fill_buf().map_err(fail)?;
         if let Some(error) = replacement(start) {
@@ -142,7 +142,7 @@ impl Indexed {
     /// Reads records of a section by their numbers, from 0.
     pub fn records<T: DeserializeOwned>(&self, section: RecordSection, numbers: &[u32]) -> Result<Vec<T>> {
         let fail = |error: &io::Error| Error::io(&self.path, error);
-        let mut file = File::open(&self.path).map_err(|error| fail(&error))?;
+        let mut file = DatasetFile::open(&self.path).map_err(|error| fail(&error))?;
         let ends = &self.ends[section as usize];
         let mut records = Vec::with_capacity(numbers.len());
         // Neighbors in the file are read together.
@@ -181,7 +181,7 @@ impl Indexed {
 /// Some bytes of a file from an offset on, for an error; empty if they cannot be read.
 fn text_from(path: &Path, place: u64) -> Vec<u8> {
     let mut text = Vec::new();
-    let read = File::open(path).and_then(|mut file| {
+    let read = DatasetFile::open(path).and_then(|mut file| {
         file.seek(SeekFrom::Start(place))?;
         file.take(SHOWN).read_to_end(&mut text)
     });

@@ -3,12 +3,12 @@
 use crate::decode::{self, FileContent};
 use crate::read::{Faults, file_name, place_in_name};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::{ARCHIVE_MEMBERS, MEMBER_BYTES};
+use syntable_model::mirror::DatasetFile;
 use syntable_model::panics::guarded;
 use syntable_model::rule;
 
@@ -28,7 +28,7 @@ impl TarMember {
         let fail = |error| Error::io(self.path(), &error);
         MEMBER_BYTES.check(self.size).map_err(|error| error.in_file(self.path()))?;
         let mut bytes = vec![0; self.size as usize];
-        let mut archive = File::open(&self.archive).map_err(fail)?;
+        let mut archive = DatasetFile::open(&self.archive).map_err(fail)?;
         archive.seek(SeekFrom::Start(self.at)).and_then(|_| archive.read_exact(&mut bytes)).map_err(fail)?;
         Ok(FileContent::new(bytes, self.path()))
     }
@@ -114,7 +114,7 @@ fn list(path: &Path, most: usize, found: &mut Vec<TarMember>) -> Result<()> {
         _ => Error::io(path, &error),
     };
     let file = decode::open(path)?;
-    let length = file.metadata().map_err(fail)?.len();
+    let length = file.size().map_err(fail)?;
     let name: Arc<Path> = path.into();
     let mut archive = tar::Archive::new(file);
     for entry in archive.entries_with_seek().map_err(fail)? {

@@ -4,11 +4,11 @@ use crate::decode::{self, FileContent};
 use crate::samples;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
-use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::{ARCHIVE_MEMBERS, MEMBER_BYTES};
+use syntable_model::mirror::DatasetFile;
 use syntable_model::panics::guarded;
 use syntable_model::scene::InstanceId;
 use zip::{CompressionMethod, ZipArchive};
@@ -29,7 +29,7 @@ pub struct NpzArchive<R> {
     path: PathBuf,
 }
 
-impl NpzArchive<BufReader<File>> {
+impl NpzArchive<BufReader<DatasetFile>> {
     /// Opens a file.
     pub fn open(path: &Path) -> Result<Self> {
         Self::new(BufReader::new(decode::open(path)?), path)

@@ -3,10 +3,10 @@
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 use syntable_model::error::{Error, Result};
+use syntable_model::mirror::DatasetFile;
 use syntable_model::product::Mask;
 
 /// Scores of a dataset, in percent. A score with nothing to count is `None`.
@@ -82,7 +82,7 @@ impl MetricScores {
     /// # Errors
     /// If the file cannot be read, or is not a file of scores.
     pub fn read(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(|error| Error::io(path, &error).of_request())?;
+        let file = DatasetFile::open(path).map_err(|error| Error::io(path, &error).of_request())?;
         let wrong = |what: String| Error::new(what).in_file(path).help("`syntable eval --save FILE` writes it again");
         let scores: Self = serde_json::from_reader(BufReader::new(file))
             .map_err(|error| wrong(format!("it is no file of scores: {error}")))?;

@@ -8,11 +8,11 @@ use serde_json::error::Category;
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
-use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, SystemTime};
+use syntable_model::mirror::DatasetFile;
 
 /// Number of annotations whose keys are collected: objects that nothing hides often lack the keys of hidden parts.
 const ANNOTATIONS: usize = 256;
@@ -81,7 +81,7 @@ impl AnnotationStart {
     }
 
     fn read(file: &Path) -> Self {
-        let Ok(file) = File::open(file) else { return Self::Unreadable };
+        let Ok(file) = DatasetFile::open(file) else { return Self::Unreadable };
         let mut text = BufReader::new(file);
         if text.fill_buf().is_ok_and(|start| start.starts_with(&MARK)) {
             text.consume(MARK.len());

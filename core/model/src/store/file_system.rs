@@ -124,7 +124,7 @@ impl Store for FsStore {
         let opened = options.open(&full).and_then(|file| Ok((file.metadata()?, file)));
         match opened {
             Ok((found, _)) if !found.is_file() => Err(Error::new("not a regular file").in_file(full)),
-            Ok((found, file)) => Ok(Some(StoredFile { size: found.len(), bytes: Box::new(file) })),
+            Ok((found, file)) => Ok(Some(StoredFile { size: found.len(), version: None, bytes: Box::new(file) })),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
             Err(error) => Err(Error::io(full, &error)),
         }

@@ -111,7 +111,10 @@ impl Store for MemStore {
 
     fn open(&self, path: &DatasetPath) -> Result<Option<StoredFile>> {
         let bytes = self.files.lock().get(path).map(Arc::clone);
-        Ok(bytes.map(|bytes| StoredFile { size: bytes.len() as u64, bytes: Box::new(Cursor::new(Shared(bytes))) }))
+        Ok(bytes.map(|bytes| {
+            let size = bytes.len() as u64;
+            StoredFile { size, version: None, bytes: Box::new(Cursor::new(Shared(bytes))) }
+        }))
     }
 
     fn create(&self, path: &DatasetPath) -> Result<Option<Box<dyn Write + Send>>> {

@@ -69,6 +69,32 @@ pub trait Store: Any + fmt::Debug + Send + Sync {
     /// Names in a folder, in no order. None if the path does not exist or is not a folder. The empty path is the store.
     fn list(&self, folder: &str) -> Result<Vec<(String, Kind)>>;
 
+    /// The files below a folder, by their paths in it, in no order. Names that are no [`DatasetPath`] are left out. The empty
+    /// path is the store.
+    ///
+    /// # Errors
+    /// If the store cannot tell.
+    fn files(&self, folder: &str) -> Result<Vec<(DatasetPath, Stored)>> {
+        let mut found = Vec::new();
+        let mut folders = vec![String::new()];
+        let join = |one: &str, other: &str| if one.is_empty() { other.to_owned() } else { format!("{one}/{other}") };
+        while let Some(inner) = folders.pop() {
+            for (name, kind) in self.list(&if inner.is_empty() { folder.to_owned() } else { join(folder, &inner) })? {
+                let path = join(&inner, &name);
+                match kind {
+                    Kind::Folder => folders.push(path),
+                    Kind::File => {
+                        let Some(there) = self.look(&join(folder, &path))? else { continue };
+                        let stored = Stored { size: there.size, version: None };
+                        found.extend(DatasetPath::new(path).ok().map(|path| (path, stored)));
+                    }
+                    Kind::Link | Kind::Other => {}
+                }
+            }
+        }
+        Ok(found)
+    }
+
     /// Opens a file from its beginning; none if it does not exist.
     fn open(&self, path: &DatasetPath) -> Result<Option<StoredFile>>;
 
@@ -140,10 +166,21 @@ pub enum Kind {
     Other,
 }
 
+/// A file as a store lists it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Stored {
+    /// Its size, bytes.
+    pub size: u64,
+    /// A text that changes with the content, if the store has one.
+    pub version: Option<String>,
+}
+
 /// A file that is open for reading.
 pub struct StoredFile {
     /// Size when it was opened, bytes.
     pub size: u64,
+    /// Its version, as in [`Stored`].
+    pub version: Option<String>,
     /// Its content. After a seek, an object store reads a range.
     pub bytes: Box<dyn Content>,
 }

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::files::DatasetPath;
 use crate::store::inside::linked;
-use crate::store::{Access, Fill, Found, FsStore, Hold, Kind, Store, StoredFile};
+use crate::store::{Access, Fill, Found, FsStore, Hold, Kind, Store, Stored, StoredFile};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -93,6 +93,11 @@ impl StoreFolder {
     /// Names in a folder; see [`Store::list`].
     pub fn list(&self, folder: &str) -> Result<Vec<(String, Kind)>> {
         self.store.list(&self.text(folder))
+    }
+
+    /// The files in the folder and in folders inside; see [`Store::files`].
+    pub fn files(&self) -> Result<Vec<(DatasetPath, Stored)>> {
+        self.store.files(&self.text(""))
     }
 
     /// Opens a file; see [`Store::open`].

@@ -3,7 +3,7 @@
 use crate::hdf5::BlenderProcDataset;
 use crate::record::{BodyAttributes, EXTENSION, IDS_END};
 use hdf5_pure::DType as Stored;
-use hdf5_pure::{Datatype, DatatypeByteOrder, File, Layout};
+use hdf5_pure::{Datatype, DatatypeByteOrder, File, Layout, ReadSeekSource};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_formats::decode::{self, byte_count};
@@ -130,9 +130,9 @@ impl Hdf5View {
 
     fn opened(path: &Path, known: KnownProducts) -> Result<Self> {
         let fail = |error: hdf5_pure::Error| Error::new(format!("not a readable HDF5 file: {error}")).in_file(path);
-        decode::open(path)?;
         // Only requested datasets are read.
-        let file = File::open_streaming(path).map_err(fail)?;
+        let content = ReadSeekSource::new(decode::open(path)?).map_err(|error| fail(error.into()))?;
+        let file = File::from_source(content).map_err(fail)?;
         let names = file.root().datasets().map_err(fail)?.into_iter().collect();
         Ok(Self { file, path: path.to_owned(), names, known })
     }

@@ -1,11 +1,11 @@
 //! Recognizes datasets that no format reads, by the words in their annotation files or by their folders.
 
 use std::collections::VecDeque;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use syntable_formats::read::is_json;
 use syntable_formats::structure::AnnotationStart;
+use syntable_model::mirror::DatasetFile;
 use syntable_model::prelude::*;
 
 syntable_model::register_unread!(recognize);
@@ -542,7 +542,7 @@ fn is_yolo(text: &str) -> bool {
 fn start(file: &Path) -> Option<(String, String)> {
     let end = file.extension()?.to_str()?.to_ascii_lowercase();
     let mut bytes = Vec::new();
-    File::open(file).ok()?.take(START).read_to_end(&mut bytes).ok()?;
+    DatasetFile::open(file).ok()?.take(START).read_to_end(&mut bytes).ok()?;
     Some((end, String::from_utf8_lossy(&bytes).into_owned()))
 }
 

@@ -12,7 +12,6 @@ use parquet::data_type::ByteArray;
 use parquet::errors::ParquetError;
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData};
 use parquet::file::reader::FileReader;
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::{NESTING, PAGE_BYTES, TABLE_BYTES, TABLE_VALUES, TEXT_BYTES};
@@ -48,14 +47,20 @@ const NUM_VALUES: i16 = 1;
 /// The encodings `DELTA_LENGTH_BYTE_ARRAY` and `DELTA_BYTE_ARRAY`.
 const DELTAS: [i64; 2] = [6, 7];
 
+/// The error of a file that cannot be read. A store that does not answer says nothing about the file.
+fn failed(error: &std::io::Error) -> Error {
+    let of_store = error.get_ref().and_then(|inner| inner.downcast_ref::<Error>());
+    of_store.cloned().unwrap_or_else(|| damaged(&error.to_string()))
+}
+
 fn damaged(what: &str) -> Error {
     Error::new(format!("not a readable Parquet file: {what}"))
 }
 
 /// Compares the footer with the limits: the levels of the schema, and the stated against the actual number of children.
-pub fn check_footer(file: &mut File) -> Result<()> {
-    let io = |error: std::io::Error| damaged(&error.to_string());
-    let length = file.metadata().map_err(io)?.len();
+pub fn check_footer(file: &mut (impl Read + Seek)) -> Result<()> {
+    let io = |error: std::io::Error| failed(&error);
+    let length = file.seek(SeekFrom::End(0)).map_err(io)?;
     let mut tail = [0; TAIL as usize];
     if length < TAIL {
         return Ok(());
@@ -85,8 +90,12 @@ pub struct Uncounted {
 }
 
 /// Compares the pages of some columns with the limits. Returns the columns that [`check_texts`] must count.
-pub fn check_pages(file: &mut File, metadata: &ParquetMetaData, wanted: impl Fn(&str) -> bool) -> Result<Uncounted> {
-    let length = file.metadata().map_err(|error| damaged(&error.to_string()))?.len();
+pub fn check_pages(
+    file: &mut (impl Read + Seek),
+    metadata: &ParquetMetaData,
+    wanted: impl Fn(&str) -> bool,
+) -> Result<Uncounted> {
+    let length = file.seek(SeekFrom::End(0)).map_err(|error| failed(&error))?;
     let (mut table, mut listed, mut found) = (Sums::default(), 0_u64, Uncounted::default());
     for (group_number, group) in metadata.row_groups().iter().enumerate() {
         let columns = group.columns().iter().enumerate();
@@ -294,7 +303,7 @@ impl PageHeader {
 fn read_range(file: &mut (impl Read + Seek), start: u64, length: u64) -> Result<Vec<u8>> {
     let mut bytes = vec![0; length as usize];
     let read = file.seek(SeekFrom::Start(start)).and_then(|_| file.read_exact(&mut bytes));
-    read.map_err(|error| damaged(&error.to_string()))?;
+    read.map_err(|error| failed(&error))?;
     Ok(bytes)
 }
 
@@ -501,6 +510,7 @@ mod tests {
     use parquet::file::reader::SerializedFileReader;
     use parquet::file::writer::SerializedFileWriter;
     use parquet::schema::parser::parse_message_type;
+    use std::fs::File;
     use std::io::Write;
     use std::sync::Arc;
 

@@ -5,13 +5,14 @@ use crate::record::{
     self, CATEGORIES, CATEGORY, EXTENSION, HEIGHT, IMAGE, IMAGE_FILE, INSTANCE, INSTANCES, OWN, PRODUCTS,
     ParquetColumn, SCENE, VIEW, VIEWS, WIDTH,
 };
+use bytes::Bytes;
 use parquet::errors::ParquetError;
-use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::file::reader::{ChunkReader, FileReader, Length, SerializedFileReader};
 use parquet::record::{Field, Row};
 use parquet::schema::types::Type;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_formats::coco::Category;
@@ -21,6 +22,7 @@ use syntable_formats::read::{self, Faults};
 use syntable_formats::samples::{self, Contents, Latest, SampleFields, SampleReader};
 use syntable_model::files::DatasetFolder;
 use syntable_model::limits::TABLE_BYTES;
+use syntable_model::mirror::DatasetFile;
 use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CAMERA, CATEGORY_ID, RGB};
@@ -71,9 +73,37 @@ fn folder_of(source: &Source, tables: &Path) -> Result<DatasetFolder> {
     }
 }
 
+/// A file of a table, for the format's library.
+struct TableFile(DatasetFile);
+
+impl Length for TableFile {
+    fn len(&self) -> u64 {
+        self.0.size().unwrap_or_default()
+    }
+}
+
+impl ChunkReader for TableFile {
+    type T = BufReader<DatasetFile>;
+
+    fn get_read(&self, start: u64) -> Result<Self::T, ParquetError> {
+        let mut file = self.0.try_clone()?;
+        file.seek(SeekFrom::Start(start))?;
+        Ok(BufReader::new(file))
+    }
+
+    fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
+        let mut bytes = Vec::new();
+        let read = self.get_read(start)?.take(length as u64).read_to_end(&mut bytes)?;
+        match read == length {
+            true => Ok(bytes.into()),
+            false => Err(ParquetError::EOF(format!("{length} bytes at {start}, but the file has {read} of them"))),
+        }
+    }
+}
+
 /// An open table.
 struct TableReader {
-    reader: SerializedFileReader<File>,
+    reader: SerializedFileReader<TableFile>,
     path: PathBuf,
 }
 
@@ -81,8 +111,9 @@ impl TableReader {
     fn open(path: &Path) -> Result<Self> {
         let mut file = decode::open(path)?;
         bounds::check_footer(&mut file).map_err(|error| error.in_file(path))?;
-        let reader =
-            guarded(LIBRARY, path, || SerializedFileReader::new(file).map_err(|error| unreadable(path, &error)))?;
+        let reader = guarded(LIBRARY, path, || {
+            SerializedFileReader::new(TableFile(file)).map_err(|error| unreadable(path, &error))
+        })?;
         Ok(Self { reader, path: path.to_owned() })
     }
 
@@ -149,6 +180,13 @@ impl TableReader {
 }
 
 fn unreadable(path: &Path, error: &ParquetError) -> Error {
+    // A store that does not answer says nothing about the file.
+    if let ParquetError::External(inner) = error
+        && let Some(failure) = inner.downcast_ref::<io::Error>()
+        && failure.get_ref().is_some_and(|inner| inner.is::<Error>())
+    {
+        return Error::io(path, failure);
+    }
     let error_of = Error::new(format!("not a readable Parquet file: {error}")).in_file(path);
     match error.to_string().contains("Disabled feature") {
         true => error_of.help("write it without compression, or with snappy"),

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use syntable_cli::clap::{Arg, ArgAction, ArgMatches, value_parser};
-use syntable_cli::{IMAGE_FOLDER, TRUST_PATHS};
+use syntable_cli::{Exit, IMAGE_FOLDER, TRUST_PATHS};
 use syntable_model::reader::Source;
 
 /// The dataset.
@@ -36,10 +36,11 @@ pub fn image_folder() -> Arg {
         .help(IMAGE_FOLDER)
 }
 
-/// The dataset at a path, with the requested folder of images and access to files outside.
-pub fn source(path: &Path, arguments: &ArgMatches) -> Source {
-    let image_folder = arguments.get_one::<PathBuf>("image-folder").cloned();
-    Source::new(path).trusting(arguments.get_flag("trust-paths")).with_images_in(image_folder)
+/// The dataset at a path or a URL, with the requested folder of images and access to files outside.
+pub fn source(path: &Path, arguments: &ArgMatches) -> Result<Source, Exit> {
+    let image_folder = arguments.get_one::<PathBuf>("image-folder").map(PathBuf::as_path);
+    let source = Source::at_name(path, image_folder).map_err(Exit::stopped)?;
+    Ok(source.trusting(arguments.get_flag("trust-paths")))
 }
 
 /// `--scores` of predictions.

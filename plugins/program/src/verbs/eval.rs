@@ -151,8 +151,11 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> std::r
     ];
     check_outputs(&outputs, &read.each_ref().map(PathBuf::as_path), arguments.get_flag("overwrite"))?;
     let is_paper = text("convention").is_some_and(|name| name == Convention::Paper.name());
-    let source = |path: &PathBuf| Source::new(path).trusting(arguments.get_flag("trust-paths"));
-    let defaults = EvaluateOptions::new(source(gt), source(pred));
+    let source = |path: &PathBuf| {
+        let source = Source::at_name(path, None).map_err(Exit::stopped)?;
+        Ok(source.trusting(arguments.get_flag("trust-paths")))
+    };
+    let defaults = EvaluateOptions::new(source(gt)?, source(pred)?);
     let options = EvaluateOptions {
         truth_format: text("gt-format").cloned(),
         predictions_format: text("pred-format").cloned(),

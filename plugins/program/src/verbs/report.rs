@@ -54,7 +54,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     let number = |name: &str| arguments.get_one::<usize>(name).copied().unwrap_or(usize::MAX);
     let Some(dataset) = path("dataset") else { return Ok(()) };
     let options = ReportOptions {
-        dataset: arguments::source(&dataset, arguments),
+        dataset: arguments::source(&dataset, arguments)?,
         format: arguments.get_one::<String>("format").cloned(),
         out: path("out"),
         overwrite: arguments.get_flag("overwrite"),

@@ -94,7 +94,8 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     let read: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
     let csv = OutputFile { option: "--csv", path: arguments.get_one("csv"), start: b"dataset,image,id," };
     check_outputs(&[csv], &read, arguments.get_flag("overwrite"))?;
-    let sources: Vec<Source> = datasets.iter().map(|path| arguments::source(path, arguments)).collect();
+    let sources: Vec<Source> =
+        datasets.iter().map(|path| arguments::source(path, arguments)).collect::<Result<_, Exit>>()?;
     let (pool, stop) = (
         Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?,
         on_signals(console, Ends::Work("nothing is written"))?,

@@ -36,8 +36,8 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     let format = arguments.get_one::<String>("format").map(String::as_str);
     let port = arguments.get_one::<u16>("port").copied().unwrap_or(0);
     let scores = arguments.get_one::<PathBuf>("scores").map(PathBuf::as_path);
-    let viewer =
-        Viewer::open(registry, &arguments::source(dataset, arguments), format, scores, port).map_err(Exit::stopped)?;
+    let source = arguments::source(dataset, arguments)?;
+    let viewer = Viewer::open(registry, &source, format, scores, port).map_err(Exit::stopped)?;
     let (stop, pool) =
         (on_signals(console, Ends::Service)?, Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?);
     console.print(&format!("{}\n", viewer.url()))?;

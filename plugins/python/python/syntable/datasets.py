@@ -144,9 +144,9 @@ def open(
     """Opens a dataset: a run's folder, or COCO, YOLO, BOP and every other format that ``syntable list formats`` names.
 
     Args:
-        path: Its folder, or its annotation file.
+        path: Its folder or its annotation file, or the URL of one in an object store, such as ``"s3://bucket/mine"``.
         format: Name of its format. Default: the one that it looks like.
-        image_folder: Folder of its images. Default: where the format puts them.
+        image_folder: Folder or URL of its images. Default: where the format puts them.
         trust_paths: Read files outside the dataset that it names.
 
     Raises:

@@ -58,8 +58,8 @@ pub fn validate<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let registry = registry(py)?;
-    let (source, format) = source(dataset);
     let found = wait_for(py, progress.as_ref(), move |sender, stop| {
+        let (source, format) = source(dataset)?;
         on_images(threads, sender, stop, |work| syntable::validate(&registry, &source, format.as_deref(), work))
     })?;
     let result = json(py, &found.found)?;
@@ -107,7 +107,7 @@ pub fn stats<'py>(
         on_images(threads, sender, stop, |work| {
             // Each dataset can have a format of its own.
             for dataset in datasets {
-                let (source, format) = source(dataset);
+                let (source, format) = source(dataset)?;
                 let found = compare(&registry, &[source], format.as_deref(), &options, work)?;
                 all.extend(found.datasets);
                 left_out.push(found.left_out);
@@ -149,11 +149,11 @@ pub fn report<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let registry = registry(py)?;
-    let (source, format) = source(dataset);
     let (images, scenes) = (images.unwrap_or(usize::MAX), scenes.unwrap_or(usize::MAX));
-    let options =
-        ReportOptions { format, out, overwrite, scores, images, scenes, labels_only, ..ReportOptions::new(source) };
     let made = wait_for(py, progress.as_ref(), move |sender, stop| {
+        let (source, format) = source(dataset)?;
+        let options =
+            ReportOptions { format, out, overwrite, scores, images, scenes, labels_only, ..ReportOptions::new(source) };
         on_images(threads, sender, stop, |work| make(&registry, &options, work))
     })?;
     let result = PyDict::new(py);

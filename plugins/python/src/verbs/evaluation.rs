@@ -70,16 +70,9 @@ pub fn evaluate<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let registry = registry(py)?;
-    let (truth, truth_format) = source(dataset);
-    let (files, format, objects) = match predictions {
-        Predictions::Files(named) => {
-            let (files, format) = source(named);
-            (files, format, None)
-        }
-        Predictions::Objects(objects) => {
-            let objects: Vec<Detection> = objects.into_iter().map(detection).collect();
-            (DatasetSource::new("predictions"), None, Some(objects))
-        }
+    let (files, objects) = match predictions {
+        Predictions::Files(named) => (Some(named), None),
+        Predictions::Objects(objects) => (None, Some(objects.into_iter().map(detection).collect::<Vec<Detection>>())),
     };
     let convention = match options.convention.as_str() {
         "release" => Convention::Release,
@@ -87,21 +80,24 @@ pub fn evaluate<'py>(
         other => return Err(PyValueError::new_err(format!("convention is 'release' or 'paper', not {other:?}"))),
     };
     let (save, worst) = (options.save, options.worst.unwrap_or(usize::MAX));
-    let defaults = EvaluateOptions::new(truth, files);
-    let options = EvaluateOptions {
-        truth_format,
-        predictions_format: format,
-        min_score: options.min_score,
-        occluded: options.occluded_from.map_or(defaults.occluded, Occluded::From),
-        convention,
-        metrics: options.metrics,
-        by_category: options.by_category,
-        bootstrap: options.bootstrap,
-        seed: options.seed,
-        rank_by: options.worst_by,
-        ..defaults
-    };
     let (table, text, csv, lost) = wait_for(py, progress.as_ref(), move |sender, stop| {
+        let (truth, truth_format) = source(dataset)?;
+        let (files, predictions_format) =
+            files.map_or_else(|| Ok((DatasetSource::new("predictions"), None)), source)?;
+        let defaults = EvaluateOptions::new(truth, files);
+        let options = EvaluateOptions {
+            truth_format,
+            predictions_format,
+            min_score: options.min_score,
+            occluded: options.occluded_from.map_or(defaults.occluded, Occluded::From),
+            convention,
+            metrics: options.metrics,
+            by_category: options.by_category,
+            bootstrap: options.bootstrap,
+            seed: options.seed,
+            rank_by: options.worst_by,
+            ..defaults
+        };
         on_images(threads, sender, stop, |work| {
             let found = match objects {
                 Some(objects) => evaluate_detections(&registry, &options, objects, work)?,

@@ -46,9 +46,9 @@ pub fn warn_left_out(py: Python<'_>, texts: &[String]) -> PyResult<()> {
 /// A dataset as a caller names it: its path, its format, the folder of its images, whether its names may lead elsewhere.
 pub type Named = (PathBuf, Option<String>, Option<PathBuf>, bool);
 
-/// The dataset, and its format if a caller names it.
-pub fn source((path, format, image_folder, trust_paths): Named) -> (DatasetSource, Option<String>) {
-    (DatasetSource::new(path).trusting(trust_paths).with_images_in(image_folder), format)
+/// The dataset, and its format if a caller names it. Lists the files of a URL.
+pub fn source((path, format, image_folder, trust_paths): Named) -> Result<(DatasetSource, Option<String>)> {
+    Ok((DatasetSource::at_name(&path, image_folder.as_deref())?.trusting(trust_paths), format))
 }
 
 /// The number of threads that a caller names, or else of cores.

@@ -84,8 +84,9 @@ impl Viewer {
         threads: Option<usize>,
     ) -> PyResult<Self> {
         check_process(py)?;
-        let (registry, (source, format)) = (registry(py)?, source(dataset));
+        let registry = registry(py)?;
         let opened = py.detach(|| {
+            let (source, format) = source(dataset)?;
             let viewer = view::Viewer::open(&registry, &source, format.as_deref(), scores.as_deref(), port)?;
             Ok((viewer, Pool::new(threads_or_all(threads))?))
         });

@@ -30,12 +30,22 @@ pub struct ObjectContent {
 }
 
 impl ObjectContent {
-    /// Opens an object at its beginning, with one request. Returns it with its size.
-    pub fn open(store: Arc<dyn ObjectStore>, key: Key) -> object_store::Result<(u64, Self)> {
+    /// Opens an object at its beginning, with one request.
+    pub fn open(store: Arc<dyn ObjectStore>, key: Key) -> object_store::Result<Self> {
         let answer = wait(whole(|| store.get_opts(&key, GetOptions::default())))?;
         let (size, version) = (answer.meta.size, answer.meta.e_tag.clone());
         let answer = Some((0, answer.into_stream()));
-        Ok((size, Self { store, key, size, version, at: 0, chunk: (0, Bytes::new()), answer }))
+        Ok(Self { store, key, size, version, at: 0, chunk: (0, Bytes::new()), answer })
+    }
+
+    /// Its size, bytes.
+    pub fn size(&self) -> u64 {
+        self.size
+    }
+
+    /// Its entity tag, if the store has one.
+    pub fn version(&self) -> Option<&str> {
+        self.version.as_deref()
     }
 
     /// Gets the bytes at the next read.

@@ -7,14 +7,14 @@ use crate::requests::{TRIES, wait, whole};
 use crate::spool::Spool;
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::path::Path as Key;
-use object_store::{Error as Failure, ObjectStore, ObjectStoreExt, PutMode};
+use object_store::{Error as Failure, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode};
 use std::fmt;
 use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
-use syntable_model::store::{Access, Fill, Found, Hold, Kind, Store, StoredFile};
+use syntable_model::store::{Access, Fill, Found, Hold, Kind, Store, Stored, StoredFile};
 
 /// Requests that a call for many objects sends at once.
 const AT_ONCE: usize = 32;
@@ -69,9 +69,23 @@ impl Store for Objects {
         Ok(files.chain(listed.common_prefixes.iter().map(|folder| (name(folder), Kind::Folder))).collect())
     }
 
+    /// One list, whatever the folders in it.
+    fn files(&self, folder: &str) -> Result<Vec<(DatasetPath, Stored)>> {
+        let start = if folder.is_empty() { 0 } else { folder.len() + 1 };
+        let file = |meta: ObjectMeta| {
+            let path = DatasetPath::new(meta.location.as_ref().get(start..)?).ok()?;
+            Some((path, Stored { size: meta.size, version: meta.e_tag }))
+        };
+        Ok(self.bucket.below(folder)?.into_iter().filter_map(file).collect())
+    }
+
     fn open(&self, path: &DatasetPath) -> Result<Option<StoredFile>> {
         match ObjectContent::open(Arc::clone(&self.bucket.store), self.bucket.key(path)?) {
-            Ok((size, content)) => Ok(Some(StoredFile { size, bytes: Box::new(content) })),
+            Ok(content) => Ok(Some(StoredFile {
+                size: content.size(),
+                version: content.version().map(str::to_owned),
+                bytes: Box::new(content),
+            })),
             Err(Failure::NotFound { .. }) => Ok(None),
             Err(failure) => Err(self.bucket.fail(path)(failure)),
         }

@@ -8,12 +8,12 @@ use crate::names::ImageNames;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use syntable_formats::coco;
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::error::{Error, Result};
+use syntable_model::mirror::DatasetFile;
 use syntable_model::reader::OpenDataset;
 
 /// A prediction. Keys other than these and the keys of [`PredictionHead`], such as `bbox`, are ignored.
@@ -107,7 +107,7 @@ pub struct ResultFile {
 impl ResultFile {
     /// Whether a file is a JSON list.
     pub fn is_one(path: &Path) -> bool {
-        let Ok(file) = File::open(path) else { return false };
+        let Ok(file) = DatasetFile::open(path) else { return false };
         let first = BufReader::new(file).bytes().map_while(Result::ok).find(|byte| !byte.is_ascii_whitespace());
         path.is_file() && first == Some(b'[')
     }
@@ -160,7 +160,7 @@ impl ResultFile {
     /// If the file cannot be read, or a mask is damaged or of another size.
     pub fn instances(&self, image: usize, size: [u32; 2], occluded: Occluded) -> Result<[Vec<MaskedObject>; 2]> {
         let fail = |error: std::io::Error| Error::io(&self.path, &error);
-        let mut file = File::open(&self.path).map_err(fail)?;
+        let mut file = DatasetFile::open(&self.path).map_err(fail)?;
         let read = |place: &PredictionLocation| {
             let mut bytes = vec![0; place.length];
             file.seek(SeekFrom::Start(place.start)).and_then(|_| file.read_exact(&mut bytes)).map_err(fail)?;
@@ -210,7 +210,7 @@ type ElementVisitor<'a> = &'a mut dyn FnMut(u64, usize, &[u8]) -> Result<()>;
 /// Passes each element of a JSON list to `each`.
 fn elements(path: &Path, each: ElementVisitor) -> Result<()> {
     let fail = |error: std::io::Error| Error::io(path, &error);
-    let mut file = BufReader::new(File::open(path).map_err(fail)?);
+    let mut file = BufReader::new(DatasetFile::open(path).map_err(fail)?);
     let (mut depth, mut in_text, mut is_escaped) = (0_usize, false, false);
     let (mut element, mut begin) = (Vec::new(), (0, 1));
     let (mut position, mut line) = (0_u64, 1);

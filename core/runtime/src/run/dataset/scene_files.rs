@@ -70,7 +70,7 @@ impl SceneFiles {
         let read = file.take(stamp.0 + 1).read_to_end(&mut bytes);
         read.map_err(|error| Error::io(self.dataset.name_of(path), &error))?;
         match Stamp::of_bytes(&bytes) == stamp {
-            true => Ok(StoredFile { size: stamp.0, bytes: Box::new(Cursor::new(bytes)) }),
+            true => Ok(StoredFile { size: stamp.0, version: None, bytes: Box::new(Cursor::new(bytes)) }),
             false => Err(wrong()),
         }
     }

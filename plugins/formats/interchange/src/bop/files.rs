@@ -7,7 +7,6 @@ use super::record::{
 };
 use serde::de::DeserializeOwned;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_formats::decode::{self, FileContent};
 use syntable_formats::json as formats_json;
@@ -16,6 +15,7 @@ use syntable_formats::read::{self, Faults, place_in_name};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::limits::{ANNOTATIONS, TEXT_BYTES};
+use syntable_model::mirror::DatasetFile;
 use syntable_model::prelude::*;
 use syntable_model::reader::{ImageRef, Source};
 use syntable_model::rule;
@@ -128,7 +128,7 @@ pub fn split_of(root: &Path) -> Result<BopSplit> {
 
 /// A file as JSON.
 pub fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let file = fs::File::open(path).map_err(|error| Error::io(path, &error).of_request())?;
+    let file = DatasetFile::open(path).map_err(|error| Error::io(path, &error).of_request())?;
     parsed(&decode::read_at_most(file, &TEXT_BYTES, path)?, path)
 }
 

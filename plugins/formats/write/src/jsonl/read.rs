@@ -3,7 +3,6 @@
 use super::record::{JsonlRecord, KEYS, VIEWS};
 use serde::de::IgnoredAny;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,6 +11,7 @@ use syntable_formats::json;
 use syntable_formats::read::{self, Faults};
 use syntable_formats::samples::{self, Contents, Latest, SampleFields, SampleReader};
 use syntable_model::limits::TEXT_BYTES;
+use syntable_model::mirror::DatasetFile;
 use syntable_model::prelude::*;
 use syntable_model::reader::{Format, Opened, Source};
 use syntable_model::rule;
@@ -43,7 +43,7 @@ fn file_of(path: &Path) -> Option<PathBuf> {
 
 /// Whether the first line is a record of a scene or a view.
 fn starts_as_one(path: &Path) -> bool {
-    let first = File::open(path).ok().and_then(|file| {
+    let first = DatasetFile::open(path).ok().and_then(|file| {
         let mut line = Vec::new();
         BufReader::new(file).take(TEXT_BYTES.most).read_until(b'\n', &mut line).ok()?;
         decode::check_json(&line).ok()?;
@@ -182,7 +182,7 @@ impl JsonlSource {
 
     fn line(&self, line: LineSpan) -> Result<SampleFields> {
         let fail = |error: std::io::Error| Error::io(&self.path, &error);
-        let mut file = File::open(&self.path).map_err(fail)?;
+        let mut file = DatasetFile::open(&self.path).map_err(fail)?;
         let mut bytes = vec![0; line.length as usize];
         file.seek(SeekFrom::Start(line.at)).and_then(|_| file.read_exact(&mut bytes)).map_err(fail)?;
         let content = FileContent::new(bytes, self.path.clone());

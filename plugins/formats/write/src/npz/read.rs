@@ -1,7 +1,6 @@
 //! Reads NumPy archives, one per view.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use syntable_formats::encode::view_name;
@@ -11,6 +10,7 @@ use syntable_formats::npz_archive::{ARCHIVE, IDS, NpzArchive};
 use syntable_formats::read::{self, Faults, place_in_name};
 use syntable_formats::record_arrays;
 use syntable_formats::samples::{self, Contents, SampleFields, SampleReader};
+use syntable_model::mirror::DatasetFile;
 use syntable_model::prelude::*;
 use syntable_model::product::Form;
 use syntable_model::reader::{Format, Opened, Source};
@@ -33,7 +33,7 @@ fn archives_of(folder: &Path) -> Vec<((u32, u32), PathBuf)> {
 }
 
 /// An open archive of a view.
-type NpzFile = NpzArchive<BufReader<File>>;
+type NpzFile = NpzArchive<BufReader<DatasetFile>>;
 
 /// The archives of the views.
 struct Archives {

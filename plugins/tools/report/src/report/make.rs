@@ -80,7 +80,12 @@ pub struct MadeReport {
 pub fn make(registry: &Registry, options: &ReportOptions, work: &ImageWork) -> Result<MadeReport> {
     let ReportOptions { dataset: source, scores, .. } = options;
     let dataset = &source.path;
-    let out = options.out.clone().map_or_else(|| beside(registry, dataset), Ok).map_err(Error::of_request)?;
+    let place = || match source.is_remote() {
+        // Beside the dataset, a report would be in the store.
+        true => beside(registry, Path::new(source.name().file_name().unwrap_or_default())),
+        false => beside(registry, dataset),
+    };
+    let out = options.out.clone().map_or_else(place, Ok).map_err(Error::of_request)?;
     let read = dataset_folder(registry, dataset);
     for input in [Some(&read), Some(dataset), scores.as_ref()].into_iter().flatten() {
         if lies_in(input, &out) {

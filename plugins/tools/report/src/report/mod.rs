@@ -166,7 +166,7 @@ impl DatasetReport {
         pages.add_raw_templates(SHARED.into_iter().chain(PAGES)).map_err(|error| wrong_page(&error))?;
         let rows = shown.iter().map(|_| Mutex::new(None)).collect();
         let statistics = Mutex::new(StatisticsProgress::Working("nothing is counted yet".to_owned()));
-        let path = path.display().to_string();
+        let path = source.name().display().to_string();
         Ok(Self {
             dataset,
             format,

@@ -2,13 +2,13 @@
 
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use syntable_formats::decode;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetFolder;
 use syntable_model::limits::RUN_LIST_BYTES;
+use syntable_model::mirror::DatasetFile;
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{PerInstance, Value};
 use syntable_model::reader::{OpenDataset, Source};
@@ -300,7 +300,7 @@ fn find(folder: &DatasetFolder, path: &Path) -> Result<Option<PathBuf>> {
 }
 
 /// Opens a file of a run, see [`find`].
-fn open(folder: &DatasetFolder, path: &Path) -> Result<File> {
+fn open(folder: &DatasetFolder, path: &Path) -> Result<DatasetFile> {
     let found = find(folder, path)?.ok_or_else(|| Error::new("no such file").in_file(path))?;
     decode::open(&found)
 }

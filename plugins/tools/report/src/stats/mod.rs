@@ -122,7 +122,7 @@ pub fn compare(
         compared.left_out.unlisted(&dataset);
         let statistics = of(&dataset, options, work).map_err(|error| error.in_file(&source.path))?;
         compared.left_out.annotations(&statistics.left_out);
-        let path = source.path.display().to_string();
+        let path = source.name().display().to_string();
         compared.datasets.push(Described { dataset: path, format: format.name(), statistics });
     }
     bin_alike(&mut compared.datasets.iter_mut().map(|it| &mut it.statistics).collect::<Vec<_>>(), options.binning);

@@ -1,0 +1,177 @@
+//! The folder of names, and the mirror that a path is in.
+
+use super::ahead::Ahead;
+use super::downloads::Downloads;
+use super::listed::Listed;
+use super::remote_file::{Open, RemoteFile};
+use crate::error::{Error, Result};
+use crate::files::DatasetPath;
+use crate::shown;
+use crate::store::{StoreFolder, Stored};
+use parking_lot::RwLock;
+use std::fmt;
+use std::fs::{self, File};
+use std::io::ErrorKind;
+use std::path::{Component, Path, PathBuf};
+use std::sync::{Arc, Weak};
+
+/// The mirrors of the process, by the folders of their names.
+static MIRRORS: RwLock<Vec<(PathBuf, Weak<Mirror>)>> = RwLock::new(Vec::new());
+
+/// Folder of annotation files in COCO's layout. The images are beside it.
+const ANNOTATIONS: &str = "annotations";
+
+/// The names of the files below a URL. Dropping the last reference removes them, and keeps what was downloaded.
+pub struct Mirror {
+    /// A folder of its own, which is locked.
+    own: PathBuf,
+    _lock: File,
+    /// The names, in a folder in `own`.
+    root: PathBuf,
+    listed: Arc<Listed>,
+    ahead: Ahead,
+    process: u32,
+}
+
+impl Mirror {
+    /// Lists a folder or a file at a URL. Returns the mirror, and the path of the folder or the file in it.
+    ///
+    /// # Errors
+    /// If no linked crate knows the scheme of the URL, nothing is there, or the store or the cache fails.
+    pub fn open(url: &str) -> Result<(Arc<Self>, PathBuf)> {
+        let url = url.trim_end_matches('/');
+        let named = StoreFolder::at(url)?;
+        let list = named.files()?;
+        if !list.is_empty() {
+            let mirror = Self::of(named, url, list, Downloads::of_user()?)?;
+            return Ok((Arc::clone(&mirror), mirror.root.clone()));
+        }
+        // An annotation file: its dataset is the folder above, or the one above that.
+        let above = |url: &str| url.rsplit_once('/').map(|(above, name)| (above.to_owned(), name.to_owned()));
+        let missing = || Error::new("no such folder or file").in_file(url);
+        let Some((mut folder, mut name)) = above(url).filter(|(folder, _)| !folder.ends_with('/')) else {
+            return Err(missing());
+        };
+        if !StoreFolder::at(&folder)?.has(&name)? {
+            return Err(missing());
+        }
+        if let Some((outer, last)) = above(&folder).filter(|(outer, last)| last == ANNOTATIONS && !outer.ends_with('/'))
+        {
+            (folder, name) = (outer, format!("{last}/{name}"));
+        }
+        let store = StoreFolder::at(&folder)?;
+        let list = store.files()?;
+        let mirror = Self::of(store, &folder, list, Downloads::of_user()?)?;
+        let path = mirror.root.join(name);
+        Ok((mirror, path))
+    }
+
+    /// The mirror of a folder with these files.
+    pub(crate) fn of(
+        store: StoreFolder,
+        url: &str,
+        list: Vec<(DatasetPath, Stored)>,
+        downloads: Arc<Downloads>,
+    ) -> Result<Arc<Self>> {
+        let (own, lock) = downloads.new_names()?;
+        // Readers name a dataset after its folder.
+        let root = own.join(url.rsplit('/').next().filter(|name| !name.is_empty()).unwrap_or("dataset"));
+        let fail = |error: std::io::Error| downloads.fail(&own, &error);
+        let listed = Arc::new(Listed::new(store, url, list, Arc::clone(&downloads)));
+        create_names(&root, &listed.files).map_err(fail)?;
+        let root = root.canonicalize().map_err(fail)?;
+        shown::show(&root, url);
+        let (ahead, process) = (Ahead::new(Arc::clone(&listed)), std::process::id());
+        let mirror = Arc::new(Self { own, _lock: lock, root, listed, ahead, process });
+        MIRRORS.write().push((mirror.root.clone(), Arc::downgrade(&mirror)));
+        Ok(mirror)
+    }
+
+    /// The folder of the names.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Whether the process was forked after the mirror was made: threads that held its locks are not there.
+    fn is_forked(&self) -> bool {
+        self.process != std::process::id()
+    }
+
+    /// Opens a file, and downloads the files that probably follow.
+    pub(super) fn open_file(&self, number: usize) -> Result<Open> {
+        if self.is_forked() {
+            return self.listed.open_alone(number);
+        }
+        self.ahead.follow(number);
+        self.listed.open(number)
+    }
+}
+
+impl fmt::Debug for Mirror {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "Mirror({})", shown::shown(&self.root).display())
+    }
+}
+
+impl Drop for Mirror {
+    fn drop(&mut self) {
+        MIRRORS.write().retain(|(root, _)| *root != self.root);
+        shown::forget(&self.root);
+        if !self.is_forked() {
+            // The next mirror removes what cannot be removed now.
+            let _ = fs::remove_dir_all(&self.own);
+        }
+    }
+}
+
+/// The mirror that a path is in, and the number of its file.
+pub(super) fn mirrored(path: &Path) -> Option<(Arc<Mirror>, usize)> {
+    let mirrors = MIRRORS.read();
+    if mirrors.is_empty() {
+        return None;
+    }
+    let path = without_dots(&std::path::absolute(path).ok()?);
+    let (root, mirror) = mirrors.iter().find(|(root, _)| path.starts_with(root))?;
+    let inside = path.strip_prefix(root).ok()?.to_str()?.replace(std::path::MAIN_SEPARATOR, "/");
+    let mirror = mirror.upgrade()?;
+    drop(mirrors);
+    let number = mirror.listed.find(&inside)?;
+    Some((mirror, number))
+}
+
+/// A path without `.` and `..`. No folder of a mirror is a link.
+fn without_dots(path: &Path) -> PathBuf {
+    let mut plain = PathBuf::new();
+    for component in path.components() {
+        match component {
+            Component::ParentDir => drop(plain.pop()),
+            Component::CurDir => {}
+            other => plain.push(other),
+        }
+    }
+    plain
+}
+
+/// Creates empty files. A name that this machine refuses, or that is a folder, too, is left out: no reader can name it.
+fn create_names(root: &Path, files: &[RemoteFile]) -> std::io::Result<()> {
+    fs::create_dir_all(root)?;
+    let mut last = None;
+    for file in files {
+        let path = file.path.below(root);
+        let folder = path.parent().map(Path::to_owned);
+        if folder != last {
+            fs::create_dir_all(folder.as_deref().unwrap_or(root))?;
+            last = folder;
+        }
+        match File::create_new(path) {
+            Err(error) if is_full(&error) => return Err(error),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Whether no further file fits.
+fn is_full(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::ReadOnlyFilesystem)
+}

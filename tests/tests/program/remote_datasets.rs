@@ -1,0 +1,171 @@
+//! Datasets that are read from a bucket: the same answers as from a folder, whatever the network does.
+
+use crate::support::bucket::{Bucket, url};
+use crate::support::{assert_same, convert, fails, ok, small_dataset, syntable, text};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use syntable_testing::folder::files;
+use tempfile::TempDir;
+
+/// A dataset in a folder, and a bucket with the same files.
+struct Case {
+    folder: TempDir,
+    bucket: Bucket,
+}
+
+impl Case {
+    /// A dataset of a run with a writer of each kind of file.
+    fn new() -> Self {
+        let case = Self { folder: tempfile::tempdir().expect("a folder"), bucket: Bucket::start() };
+        small_dataset(&case.local("mine"), &["--set", "dataset.scenes=2"]);
+        case.upload("mine");
+        case
+    }
+
+    fn local(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Puts a folder into the bucket.
+    fn upload(&self, name: &str) {
+        for (path, bytes) in files(&self.local(name)) {
+            let at = self.bucket.stored(name).join(path);
+            fs::create_dir_all(at.parent().expect("below the bucket")).expect("writable");
+            fs::write(at, bytes).expect("writable");
+        }
+    }
+
+    fn cache(&self) -> PathBuf {
+        self.local("cache")
+    }
+
+    fn syntable(&self, arguments: &[&str]) -> Command {
+        let mut command = self.bucket.syntable(arguments);
+        command.env("SYNTABLE_CACHE", self.cache());
+        command
+    }
+
+    /// Runs a verb on a folder, then on its URL. The answers and the exit codes must be equal but for the name. Returns
+    /// the answer for the URL.
+    fn same_answer(&self, before: &[&str], name: &str, after: &[&str]) -> String {
+        let [path, url] = [self.local(name).to_string_lossy().into_owned(), url(name)];
+        let answer = |at: &str| -> Output {
+            self.syntable(&[before, &[at], after].concat()).output().expect("the program starts")
+        };
+        let (local, remote) = (answer(&path), answer(&url));
+        let said = text(&remote);
+        assert_eq!(text(&local).replace(&path, &url), said, "{before:?} {name} {after:?}");
+        assert_eq!(local.status.code(), remote.status.code(), "{said}");
+        assert!(!said.contains(&*self.cache().to_string_lossy()), "{said}");
+        said
+    }
+
+    fn gets(&self) -> usize {
+        self.bucket.requests().iter().filter(|request| request.starts_with("GET") && !request.contains('?')).count()
+    }
+}
+
+#[test]
+fn verbs_answer_for_a_url_as_for_a_folder() {
+    let case = Case::new();
+    for verb in ["validate", "stats"] {
+        for format in [&[][..], &["--json"]] {
+            let said = case.same_answer(&[verb], "mine", format);
+            assert!(said.contains(if verb == "stats" { "images" } else { "rule" }), "{said}");
+        }
+    }
+    // A file of a dataset, whose images are beside it.
+    case.same_answer(&["stats", "--json"], "mine/annotations/instances.json", &[]);
+    // Two datasets, of which one is on this machine.
+    let [path, remote] = [case.local("mine"), PathBuf::from(url("mine"))];
+    let both = ok(case.syntable(&["stats", "--json"]).arg(&path).arg(&remote));
+    let both: serde_json::Value = serde_json::from_str(&both).expect("JSON");
+    assert_eq!(both["datasets"][0]["images"], both["datasets"][1]["images"]);
+    // Pages.
+    for (dataset, out) in [(&path, "of-folder"), (&remote, "of-url")] {
+        let made = case.syntable(&["report"]).arg(dataset).arg("--out").arg(case.local(out)).output().expect("starts");
+        assert!(made.status.success(), "{}", text(&made));
+    }
+    let pages = |folder: &str, name: &Path| {
+        let read = files(&case.local(folder)).into_iter().filter(|(name, _)| name.ends_with(".html"));
+        read.map(|(page, bytes)| (page, String::from_utf8_lossy(&bytes).replace(&*name.to_string_lossy(), "NAME")))
+            .collect::<Vec<_>>()
+    };
+    let (local, of_url) = (pages("of-folder", &path), pages("of-url", &remote));
+    assert!(local.len() > 3 && local.len() == of_url.len(), "{} pages", of_url.len());
+    for ((name, one), (_, other)) in local.iter().zip(&of_url) {
+        assert!(one.len().abs_diff(other.len()) < 200, "{name}: {} and {}", one.len(), other.len());
+    }
+    // Without `--out`, pages are made in the current folder.
+    let mut here = case.syntable(&["report", &url("mine")]);
+    let said = here.current_dir(case.folder.path()).output().expect("starts");
+    assert!(case.local("mine-report/index.html").is_file(), "{}", text(&said));
+}
+
+#[test]
+fn datasets_of_all_formats_convert_from_a_url() {
+    let case = Case::new();
+    for to in ["webdataset", "parquet", "npz", "hdf5", "jsonl", "coco", "yolo", "bop"] {
+        let made = convert(&case.local("mine"), to, &case.local(to)).output().expect("starts");
+        assert!(matches!(made.status.code(), Some(0 | 3)), "{}", text(&made));
+        case.upload(to);
+        let again = |from: &str, out: &str| {
+            let out = case.local(out);
+            let mut command = case.syntable(&["convert", from, "--to", "syntable", "--out"]);
+            let output = command.arg(out).output().expect("starts");
+            (output.status.code(), text(&output))
+        };
+        let local = case.local(to).to_string_lossy().into_owned();
+        let [one, other] = [again(&local, &format!("{to}-0")), again(&url(to), &format!("{to}-1"))];
+        assert_eq!(one.0, other.0, "{}", other.1);
+        assert_same(&case.local(&format!("{to}-0")), &case.local(&format!("{to}-1")));
+    }
+}
+
+#[test]
+fn files_are_downloaded_once_whatever_the_network_does() {
+    let case = Case::new();
+    let stats = || case.syntable(&["stats", "--json", &url("mine")]);
+    case.bucket.requests();
+    let first = ok(&mut stats());
+    let files = files(&case.local("mine")).len();
+    let gets = case.gets();
+    assert!(gets > 8 && gets <= files, "{gets} of {files} files");
+    assert_eq!(ok(&mut stats()), first);
+    assert_eq!(case.gets(), 0, "they are in the cache");
+    fs::remove_dir_all(case.cache()).expect("deletable");
+    case.bucket.disturb(3, 40);
+    let said = (0..10).find_map(|_| {
+        let output = stats().output().expect("starts");
+        let said = text(&output);
+        assert!(output.status.success() || output.status.code() == Some(1) && said.contains("s3://"), "{said}");
+        output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
+    });
+    assert_eq!(said.as_deref(), Some(first.as_str()));
+    // A file that changed in the store is downloaded again.
+    let image = case.bucket.files("mine").into_keys().find(|name| name.ends_with(".png")).expect("an image");
+    fs::write(case.bucket.stored("mine").join(&image), b"no image").expect("writable");
+    let output = stats().output().expect("starts");
+    let said = text(&output);
+    assert!(!output.status.success() && said.contains(&format!("{}/{image}", url("mine"))), "{said}");
+    let names = fs::read_dir(case.cache().join("remote/names")).expect("a folder").count();
+    assert_eq!(names, 0, "a process removes its names");
+}
+
+#[test]
+fn a_url_without_a_dataset_is_refused() {
+    let case = Case { folder: tempfile::tempdir().expect("a folder"), bucket: Bucket::start() };
+    for verb in ["stats", "validate", "report"] {
+        let error = fails(&mut case.syntable(&[verb, &url("none")]), 2);
+        assert!(error.contains(&format!("{}: no such folder or file", url("none"))), "{error}");
+    }
+    fs::create_dir_all(case.bucket.stored("odd")).expect("writable");
+    fs::write(case.bucket.stored("odd/notes.txt"), "x").expect("writable");
+    let error = fails(&mut case.syntable(&["stats", &url("odd")]), 2);
+    assert!(error.contains(&format!("{}: unrecognized dataset format", url("odd"))), "{error}");
+    let error = fails(syntable().args(["stats", "ftp://host/x"]), 2);
+    assert!(error.contains("`ftp`"), "{error}");
+    let error = fails(case.syntable(&["stats", &url("odd")]).env("SYNTABLE_CACHE_GB", "many"), 2);
+    assert!(error.contains("SYNTABLE_CACHE_GB is `many`"), "{error}");
+}
