@@ -116,7 +116,10 @@ impl Console {
                     // Each line is one error. Programs need no line with their number.
                     LogFormat::Json => report.mistakes().collect(),
                 };
-                Err(Exit { code: 2, messages })
+                // A store of assets that does not answer is no mistake of the recipe.
+                let is_mistake = report.iter().any(Diagnostic::is_error)
+                    || report.other.as_ref().is_none_or(|error| !error.is_transient());
+                Err(Exit { code: if is_mistake { 2 } else { 1 }, messages })
             }
         }
     }

@@ -232,6 +232,11 @@ impl Source {
         Self { reach: if is_trusted { Reach::Anywhere } else { Reach::Inside }, ..self }
     }
 
+    /// The same source with its images in this folder of this machine.
+    pub fn with_images_in(self, image_folder: Option<PathBuf>) -> Self {
+        Self { image_folder, ..self }
+    }
+
     /// The name that the user knows: the path, or the URL that a mirror serves.
     pub fn name(&self) -> PathBuf {
         shown(&self.path)

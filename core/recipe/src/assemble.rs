@@ -171,6 +171,7 @@ pub(crate) fn assemble(dataset: DatasetTable, built: Vec<BuiltComponent>, lock: 
         write,
         lock,
         files,
+        mirrors: Vec::new(),
         checks: Vec::new(),
         folder: None,
         choices,

@@ -14,6 +14,7 @@ use crate::shared_pools::{SharedPool, SharedPools};
 use crate::tables::dataset::{DatasetTable, LockTable};
 use crate::tables::loader::Loader;
 use crate::tables::pool::Pool;
+use crate::tables::remote_paths::RemotePaths;
 use crate::tables::sections;
 use crate::tables::stages::{Built, BuiltStage};
 use crate::text::code::Code;
@@ -24,7 +25,9 @@ use crate::text::source::{NOWHERE, Sources, Span};
 use crate::writer_paths::{bad_paths, unready};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use syntable_model::error::Error;
+use syntable_model::mirror::Mirror;
 use syntable_model::registry::{Registry, Stage};
 use syntable_model::stage::{DatasetInfo, Scenes, Writer};
 
@@ -82,6 +85,8 @@ struct ReadRecipe<'r> {
     diagnostics: Vec<DiagnosticBuilder>,
     /// Damage by syntax errors and missing bases.
     damage: Damage,
+    /// Mirrors of the URLs, or why a store does not answer.
+    mirrors: Result<Vec<Arc<Mirror>>, Error>,
 }
 
 impl<'r> ReadRecipe<'r> {
@@ -108,7 +113,8 @@ impl<'r> ReadRecipe<'r> {
             home: variables::join(&overrides.current_folder, &home.to_string_lossy()),
             resolved: lock.is_some(),
         };
-        let loader = Loader { registry, schemas: &schemas, overrides, sources: &sources, renamed, paths };
+        let remote = RemotePaths::default();
+        let loader = Loader { registry, schemas: &schemas, overrides, sources: &sources, renamed, paths, remote };
         let components = loader.components(tree, lines, &mut damage, &mut diagnostics);
         let components = BuiltComponent::all(&loader, components, &mut diagnostics);
         diagnostics.extend(agreement::check(&components));
@@ -121,18 +127,21 @@ impl<'r> ReadRecipe<'r> {
             DatasetTable { views_per_scene, ..table }
         });
         let lock = lock.map(|(lock, _)| lock).unwrap_or_default();
-        Self { sources, folder, dataset, lock, components, diagnostics, damage }
+        let mirrors = loader.remote.finish();
+        Self { sources, folder, dataset, lock, components, diagnostics, damage, mirrors }
     }
 
     /// The recipe with its warnings, or its mistakes.
     fn finish(mut self, registry: &Registry) -> Result<(Recipe, Vec<Diagnostic>), BrokenRecipe> {
         let diagnostics = in_reading_order(&self.sources, std::mem::take(&mut self.diagnostics), &self.damage);
-        if diagnostics.iter().any(Diagnostic::is_error) {
-            return Err(BrokenRecipe { report: Report { diagnostics, other: None }, pools: self.pools() });
+        let failure = self.mirrors.as_ref().err().map(|failure| Box::new(failure.clone()));
+        if failure.is_some() || diagnostics.iter().any(Diagnostic::is_error) {
+            return Err(BrokenRecipe { report: Report { diagnostics, other: failure }, pools: self.pools() });
         }
-        let Self { sources, folder, dataset, lock, components, .. } = self;
+        let Self { sources, folder, dataset, lock, components, mirrors, .. } = self;
+        let mirrors = mirrors.unwrap_or_default();
         match dataset.and_then(|dataset| assemble(dataset, components, lock)) {
-            Some(recipe) => Ok((Recipe { folder, checks: registry.checks().to_vec(), ..recipe }, diagnostics)),
+            Some(recipe) => Ok((Recipe { folder, checks: registry.checks().to_vec(), mirrors, ..recipe }, diagnostics)),
             None => {
                 // A part can be missing without an error of its own only if a syntax error lost it.
                 let diagnostic = DiagnosticBuilder::error(Code::MissingSection, NOWHERE, "the recipe is not complete");

@@ -10,12 +10,12 @@ use crate::tables::dataset::{Dataset, Lock};
 use crate::tables::pool::Pool;
 use crate::writer_paths::{bad_paths, unready};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
 use std::path::PathBuf;
 use std::sync::Arc;
 use syntable_model::check::LabelCheck;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
+use syntable_model::mirror::{DatasetFile, Mirror};
 use syntable_model::random::Stream;
 use syntable_model::registry::Slot;
 use syntable_model::scene::CatalogEntry;
@@ -48,6 +48,8 @@ pub struct Recipe {
     pub undecided: Vec<String>,
     /// Code by the author of the recipe.
     pub code: Vec<OwnCode>,
+    /// Mirrors of assets and files at URLs, which stages read as long as the recipe lasts.
+    pub mirrors: Vec<Arc<Mirror>>,
 }
 
 impl Recipe {
@@ -147,7 +149,7 @@ impl Recipe {
     pub fn file_digests(&self) -> Result<BTreeMap<String, String>> {
         let files = self.files.iter().filter(|(_, path)| !path.is_dir());
         let digest = |(option, path): &(String, PathBuf)| {
-            let read = File::open(path).and_then(Digest::of_reader);
+            let read = DatasetFile::open(path).and_then(Digest::of_reader);
             let (digest, _) = read.map_err(|error| Error::io(path, &error).context(option))?;
             Ok((option.clone(), digest.to_string()))
         };

@@ -1,7 +1,7 @@
-//! Datasets that are read from a bucket: the same answers as from a folder, whatever the network does.
+//! Datasets and assets that are read from a bucket: the same answers as from a folder, whatever the network does.
 
 use crate::support::bucket::{Bucket, url};
-use crate::support::{assert_same, convert, fails, ok, small_dataset, syntable, text};
+use crate::support::{SMALL, assert_same, assets, convert, fails, ok, small_dataset, syntable, text};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -168,4 +168,55 @@ fn a_url_without_a_dataset_is_refused() {
     assert!(error.contains("`ftp`"), "{error}");
     let error = fails(case.syntable(&["stats", &url("odd")]).env("SYNTABLE_CACHE_GB", "many"), 2);
     assert!(error.contains("SYNTABLE_CACHE_GB is `many`"), "{error}");
+}
+
+#[test]
+fn assets_come_from_a_bucket() {
+    let case = Case { folder: tempfile::tempdir().expect("a folder"), bucket: Bucket::start() };
+    let things = case.local("assets/things");
+    fs::create_dir_all(&things).expect("writable");
+    for (from, to) in
+        [("accept_box.glb", "box.glb"), ("accept_big_endian.ply", "other.ply"), ("accept_box.glb", "third.glb")]
+    {
+        fs::copy(assets()[0].join("broken").join(from), things.join(to)).expect("copied");
+    }
+    case.upload("assets");
+    let recipe = case.local("my.toml");
+    let text_of =
+        "extends = \"builtin:quickstart\"\n[assets.objects]\nkind = \"mesh_folder\"\nroot = \"${ASSETS}/things\"\n";
+    fs::write(&recipe, text_of).expect("writable");
+    let run = |assets: &str, out: &str, more: &[&str]| {
+        let mut command = case.syntable(&["run"]);
+        command.arg(&recipe).arg("--out").arg(case.local(out)).args(SMALL).args(more).env("ASSETS", assets);
+        command
+    };
+    let local = case.local("assets").to_string_lossy().into_owned();
+    ok(&mut run(&local, "of-folder", &[]));
+    case.bucket.requests();
+    ok(&mut run(&url("assets"), "of-url", &[]));
+    assert_same(&case.local("of-folder"), &case.local("of-url"));
+    assert!(case.gets() <= 3, "each object is downloaded once");
+    // A dataset goes on with its assets on this machine, and the other way round.
+    ok(&mut run(&local, "of-url", &["--set", "dataset.scenes=3"]));
+    ok(&mut run(&url("assets"), "of-folder", &["--set", "dataset.scenes=3"]));
+    assert_same(&case.local("of-folder"), &case.local("of-url"));
+    // Objects are pinned by their content.
+    for name in ["box.glb", "other.ply", "third.glb"] {
+        let path = case.bucket.stored("assets/things").join(name);
+        let mut bytes = fs::read(&path).expect("there");
+        bytes.push(b'\n');
+        fs::write(path, bytes).expect("writable");
+    }
+    let error = fails(&mut run(&url("assets"), "of-url", &["--set", "dataset.scenes=40"]), 2);
+    assert!(error.contains("s3://lab/assets/things") || error.contains("changed"), "{error}");
+    // Mistakes name the URL and the line; a network that is down is none.
+    let error = fails(&mut run(&url("nothing"), "none", &[]), 2);
+    assert!(
+        error.contains("s3://lab/nothing/things: no such folder or file") && error.contains("my.toml:4"),
+        "{error}"
+    );
+    case.bucket.carry(Some(0));
+    let error = fails(&mut run(&url("assets"), "none", &[]), 1);
+    assert!(error.contains("s3://lab/assets/things"), "{error}");
+    assert!(!case.local("none").exists(), "nothing was begun");
 }

@@ -4,6 +4,7 @@ use crate::scan::extension;
 use std::io::Read;
 use std::path::Path;
 use syntable_model::error::Error;
+use syntable_model::mirror::DatasetFile;
 
 /// A format: extensions of its files, its name, and the remedy.
 type ForeignFormat = (&'static [&'static str], &'static str, &'static str);
@@ -54,7 +55,7 @@ fn of_file(file: &Path, read: &[&str]) -> Option<&'static ForeignFormat> {
 fn is_mjcf(file: &Path) -> bool {
     let (element, length) = MUJOCO;
     let mut head = Vec::new();
-    let read = std::fs::File::open(file).and_then(|file| file.take(length).read_to_end(&mut head));
+    let read = DatasetFile::open(file).and_then(|file| file.take(length).read_to_end(&mut head));
     read.is_ok() && head.windows(element.len()).any(|window| window == element)
 }
 

@@ -15,6 +15,7 @@ use std::sync::Arc;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::replacement;
 use syntable_model::limits::LIST_BYTES;
+use syntable_model::mirror::DatasetFile;
 use syntable_model::stage::AssetLimits;
 
 /// Maximum number of trailing parts of a path to look for inside the root.
@@ -205,12 +206,14 @@ fn read(path: &Path, allow: &dyn Fn(u64) -> Result<()>) -> Result<Vec<u8>> {
     if !metadata.is_file() {
         return wrong("is not a regular file".into());
     }
-    if metadata.len() == 0 {
+    let file = DatasetFile::open(path).map_err(io)?;
+    let size = file.size().map_err(io)?;
+    if size == 0 {
         return wrong("the file is empty".into());
     }
-    allow(metadata.len()).map_err(|error| error.in_file(path))?;
-    let mut bytes = Vec::with_capacity(metadata.len() as usize);
-    fs::File::open(path).map_err(io)?.take(metadata.len()).read_to_end(&mut bytes).map_err(io)?;
+    allow(size).map_err(|error| error.in_file(path))?;
+    let mut bytes = Vec::with_capacity(size as usize);
+    file.take(size).read_to_end(&mut bytes).map_err(io)?;
     match replacement(&bytes) {
         Some(error) => Err(error.in_file(path)),
         None => Ok(bytes),

@@ -4,11 +4,12 @@ use crate::text::code::Code;
 use crate::text::diagnostic::DiagnosticBuilder;
 use crate::text::source::{SET, SourceFile, Span};
 use std::path::{Component, Path, PathBuf};
+use syntable_model::store::is_url;
 
 /// A resolved path, and its form for the resolved recipe.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Resolved {
-    /// The path to open.
+    /// The path to open, or a URL.
     pub path: PathBuf,
     /// The path as it was written, `${NAME}` kept; relative to the recipe's folder if a recipe that it extends names it.
     pub portable: String,
@@ -34,7 +35,7 @@ pub(crate) fn resolve(
     rules: &PathRules,
 ) -> Result<Resolved, DiagnosticBuilder> {
     let expanded = expand(text, span, variable)?;
-    if Path::new(&expanded).is_absolute() {
+    if Path::new(&expanded).is_absolute() || is_url(&expanded) {
         return Ok(Resolved { path: expanded.into(), portable: text.to_owned() });
     }
     if text.starts_with("${") {

@@ -4,6 +4,7 @@ use crate::merge::overrides::Overrides;
 use crate::merge::renamed::RenamedNames;
 use crate::merge::variables::PathRules;
 use crate::schema::kinds::Schemas;
+use crate::tables::remote_paths::RemotePaths;
 use crate::text::source::Sources;
 use syntable_model::registry::Registry;
 
@@ -15,4 +16,5 @@ pub(crate) struct Loader<'l, 'r> {
     pub sources: &'l Sources,
     pub renamed: &'l RenamedNames<'l>,
     pub paths: PathRules,
+    pub remote: RemotePaths,
 }

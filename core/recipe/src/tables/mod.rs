@@ -16,6 +16,7 @@ pub(crate) mod placers;
 pub(crate) mod pool;
 pub(crate) mod references;
 pub(crate) mod refusals;
+pub(crate) mod remote_paths;
 pub(crate) mod rig;
 pub(crate) mod sections;
 pub(crate) mod slot_tables;

@@ -16,6 +16,7 @@ use syntable_model::names::{ObjectPool, PoolName, SupportName};
 use syntable_model::pools::ObjectPools;
 use syntable_model::registry::{Entry, RecipeValue};
 use syntable_model::scene::AssetClass;
+use syntable_model::store::is_url;
 use syntable_toml_schema::{DisplayPath, Reference, Step, plain_members};
 use toml::de::{DeTable, DeValue};
 
@@ -253,6 +254,7 @@ impl Loader<'_, '_> {
         let (folder, variable) = (&self.overrides.current_folder, self.overrides.variable);
         let resolved = variables::resolve(&reference.text, &reference.span, file, folder, variable, &self.paths);
         let resolved = resolved.map_err(|diagnostic| diagnostics.push(diagnostic)).ok()?;
+        let resolved = self.downloaded(resolved, &reference.span, diagnostics)?;
         let value = recipe_at_mut(table, &reference.path)?;
         let Some(text) = resolved.path.to_str() else {
             let message = format!("the path {} is not UTF-8", resolved.path.display());
@@ -261,6 +263,24 @@ impl Loader<'_, '_> {
         };
         *value.get_mut() = DeValue::String(text.to_owned().into());
         Some(resolved)
+    }
+
+    /// The path itself, or the path on this machine for a URL.
+    fn downloaded(
+        &self,
+        resolved: variables::Resolved,
+        span: &Span,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) -> Option<variables::Resolved> {
+        let Some(url) = resolved.path.to_str().filter(|path| is_url(path)) else { return Some(resolved) };
+        match self.remote.path(url) {
+            Ok(path) => Some(variables::Resolved { path: path?, ..resolved }),
+            Err(error) => {
+                let diagnostic = DiagnosticBuilder::error(Code::InvalidValue, span.clone(), error.without_help());
+                diagnostics.push(error.help_text().into_iter().fold(diagnostic, DiagnosticBuilder::help));
+                None
+            }
+        }
     }
 
     /// The diagnostic for a path that does not exist. It names the folder from which the path counts.
