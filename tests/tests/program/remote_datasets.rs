@@ -46,7 +46,7 @@ impl Case {
         command
     }
 
-    /// Runs a verb on a folder, then on its URL. The answers and the exit codes must be equal but for the name. Returns
+    /// Runs a verb on a folder, then on its URL. The answers and the exit codes must be equal except for the name. Returns
     /// the answer for the URL.
     fn same_answer(&self, before: &[&str], name: &str, after: &[&str]) -> String {
         let [path, url] = [self.local(name).to_string_lossy().into_owned(), url(name)];
@@ -77,7 +77,7 @@ fn verbs_answer_for_a_url_as_for_a_folder() {
     }
     // A file of a dataset, whose images are beside it.
     case.same_answer(&["stats", "--json"], "mine/annotations/instances.json", &[]);
-    // Two datasets, of which one is on this machine.
+    // Two datasets. One is on this machine.
     let [path, remote] = [case.local("mine"), PathBuf::from(url("mine"))];
     let both = ok(case.syntable(&["stats", "--json"]).arg(&path).arg(&remote));
     let both: serde_json::Value = serde_json::from_str(&both).expect("JSON");
@@ -196,7 +196,7 @@ fn assets_come_from_a_bucket() {
     ok(&mut run(&url("assets"), "of-url", &[]));
     assert_same(&case.local("of-folder"), &case.local("of-url"));
     assert!(case.gets() <= 3, "each object is downloaded once");
-    // A dataset goes on with its assets on this machine, and the other way round.
+    // A dataset continues with its assets on this machine, and the other way round.
     ok(&mut run(&local, "of-url", &["--set", "dataset.scenes=3"]));
     ok(&mut run(&url("assets"), "of-folder", &["--set", "dataset.scenes=3"]));
     assert_same(&case.local("of-folder"), &case.local("of-url"));

@@ -16,7 +16,7 @@ pub struct Ahead {
     plan: Arc<Mutex<Plan>>,
 }
 
-/// The files that are to be downloaded.
+/// The next downloads.
 #[derive(Default)]
 struct Plan {
     /// By folder, the number of the file that was opened last, and the end of the files that were planned.

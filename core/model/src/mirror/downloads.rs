@@ -112,7 +112,7 @@ impl Downloads {
         Ok(())
     }
 
-    /// Opens a complete file, if it is there.
+    /// Opens a complete file, if this machine has it.
     pub fn open(&self, key: Digest, size: u64) -> Option<File> {
         let file = File::open(self.path(key)).ok()?;
         let found = file.metadata().ok().filter(|found| found.len() == size)?;

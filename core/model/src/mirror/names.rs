@@ -21,7 +21,7 @@ static MIRRORS: RwLock<Vec<(PathBuf, Weak<Mirror>)>> = RwLock::new(Vec::new());
 /// Folder of annotation files in COCO's layout. The images are beside it.
 const ANNOTATIONS: &str = "annotations";
 
-/// The names of the files below a URL. Dropping the last reference removes them, and keeps what was downloaded.
+/// The names of the files below a URL. Dropping the last reference removes the names, and keeps the downloads.
 pub struct Mirror {
     /// A folder of its own, which is locked.
     own: PathBuf,
@@ -37,7 +37,7 @@ impl Mirror {
     /// Lists a folder or a file at a URL. Returns the mirror, and the path of the folder or the file in it.
     ///
     /// # Errors
-    /// If no linked crate knows the scheme of the URL, nothing is there, or the store or the cache fails.
+    /// If no linked crate knows the scheme of the URL, the store has no such folder or file, or the store or the cache fails.
     pub fn open(url: &str) -> Result<(Arc<Self>, PathBuf)> {
         let url = url.trim_end_matches('/');
         let named = StoreFolder::at(url)?;

@@ -37,7 +37,7 @@ pub enum Open {
 
 impl RemoteFile {
     pub fn new(path: DatasetPath, stored: &Stored, url: &str) -> Self {
-        // Without a version, what was kept before may have been other content.
+        // Without a version, a file of this name may have been of other content before.
         let version = stored.version.clone().unwrap_or_else(|| format!("{:016x}", random()));
         let key = key_of(url, &path, &format!("{} {version}", stored.size));
         Self { path, size: stored.size, version: stored.version.clone(), key, blocks: Mutex::new(None) }
@@ -87,7 +87,7 @@ impl RemoteFile {
         if !is_same {
             return Err(Error::new("the file changed after the dataset was opened")
                 .in_file(name())
-                .help("open the dataset again, when nobody writes it")
+                .help("open the dataset again after its writer has ended")
                 .of_request());
         }
         Ok(opened)
@@ -182,7 +182,7 @@ impl Drop for Blocks {
     }
 }
 
-/// What the name of a downloaded file follows from.
+/// The name of a downloaded file: its content is of one version of one URL.
 fn key_of(url: &str, path: &str, version: &str) -> Digest {
     Digest::of([url, path, version].join("\n").as_bytes())
 }
