@@ -1,6 +1,6 @@
 //! Checks, dataset formats and verbs with state, which a program adds at run time.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use syntable_cli::clap::{ArgMatches, Command};
 use syntable_cli::{CliVerb, Console, Exit, Program};
@@ -50,7 +50,7 @@ impl DatasetFormat for Pointer {
     }
     fn read(&self, source: &Source) -> Result<Opened> {
         let text = std::fs::read_to_string(&source.path).map_err(|error| Error::io(&source.path, &error))?;
-        self.target.read(&Source { path: PathBuf::from(text.trim()), ..source.clone() })
+        self.target.read(&source.at(Path::new(text.trim())))
     }
     fn owner(&self) -> &str {
         "outside"
