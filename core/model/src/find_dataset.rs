@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::files::RESERVED;
 use crate::reader::{DatasetFormat, OpenDataset, Source, Unread};
 use crate::registry::Registry;
+use crate::shown::shown;
 use crate::words::SHOWN;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -69,6 +70,15 @@ impl Found {
 }
 
 fn find(formats: &[Arc<dyn DatasetFormat>], source: &Source, format: Option<&str>) -> Result<Found> {
+    let found = look_for(formats, source, format);
+    // A file that could not be downloaded looks like no dataset.
+    match source.take_outage() {
+        Some(error) => Err(error),
+        None => found,
+    }
+}
+
+fn look_for(formats: &[Arc<dyn DatasetFormat>], source: &Source, format: Option<&str>) -> Result<Found> {
     let root = source.path.as_path();
     let names = || formats.iter().map(|format| format.name()).collect::<Vec<_>>().join(", ");
     if !root.is_dir() && !root.is_file() {
@@ -109,7 +119,7 @@ fn find(formats: &[Arc<dyn DatasetFormat>], source: &Source, format: Option<&str
             [first, others @ ..] => {
                 return Err(Error::new(format!("it contains {} datasets", 1 + others.len()))
                     .in_file(root)
-                    .help(format!("name one of them, such as {}", first.display())));
+                    .help(format!("name one of them, such as {}", shown(first).display())));
             }
         }
     }
@@ -134,7 +144,7 @@ fn help_with_files(root: &Path, formats: &[&Arc<dyn DatasetFormat>]) -> String {
     let files = of_folder(root.to_owned()).chain(of_folder(root.join(ANNOTATIONS))).filter(|path| path.is_file());
     let named = |file: PathBuf| {
         let format = formats.iter().find(|format| format.detects(&file))?;
-        Some(format!("{} ({})", file.display(), format.name()))
+        Some(format!("{} ({})", shown(&file).display(), format.name()))
     };
     let mut named: Vec<String> = files.filter_map(named).collect();
     named.sort();

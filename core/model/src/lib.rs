@@ -97,7 +97,7 @@ pub mod reader;
 pub mod registry;
 pub mod rule;
 pub mod scene;
-mod shown;
+pub mod shown;
 pub mod stage;
 pub mod store;
 pub mod user_cache;

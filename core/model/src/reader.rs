@@ -242,6 +242,11 @@ impl Source {
         shown(&self.path)
     }
 
+    /// Why a download failed since the last call, if one did; see [`Mirror::take_outage`].
+    pub fn take_outage(&self) -> Option<Error> {
+        outage(&self.mirrors)
+    }
+
     /// Whether files are downloaded from URLs.
     pub fn is_remote(&self) -> bool {
         !self.mirrors.is_empty()
@@ -260,6 +265,10 @@ impl Source {
     pub fn folder(&self, path: &Path) -> Result<DatasetFolder> {
         DatasetFolder::open(path, self.reach)
     }
+}
+
+fn outage(mirrors: &[Arc<Mirror>]) -> Option<Error> {
+    mirrors.iter().find_map(|mirror| mirror.take_outage())
 }
 
 /// An open dataset: plain data, and the source of its images.
@@ -431,7 +440,7 @@ pub struct OpenDataset {
     reader: String,
     root: PathBuf,
     /// Dropped after the reader, which reads files of them.
-    _mirrors: Vec<Arc<Mirror>>,
+    mirrors: Vec<Arc<Mirror>>,
     /// All faults, computed at their first use.
     faults: OnceLock<Vec<DatasetFault>>,
 }
@@ -443,8 +452,12 @@ impl OpenDataset {
     /// The errors of the function. A panic in it becomes an error, too.
     pub fn open(reader: &str, source: &Source, open: impl FnOnce() -> Result<Opened>) -> Result<Self> {
         let (reader, root) = (format!("the reader of {reader}"), source.path.clone());
-        let opened = guarded(&reader, &root, open)?;
-        Ok(Self { opened, reader, root, _mirrors: source.mirrors.clone(), faults: OnceLock::new() })
+        let opened = guarded(&reader, &root, open);
+        if let Some(error) = source.take_outage() {
+            return Err(error);
+        }
+        let opened = opened?;
+        Ok(Self { opened, reader, root, mirrors: source.mirrors.clone(), faults: OnceLock::new() })
     }
 
     /// Reads an image; see [`ImageSource::read`].
@@ -452,7 +465,16 @@ impl OpenDataset {
     /// # Errors
     /// If a file or record cannot be read; the message names it.
     pub fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
-        guarded(&self.reader, &self.root, || self.opened.source.read(image, wants))
+        let read = guarded(&self.reader, &self.root, || self.opened.source.read(image, wants));
+        match outage(&self.mirrors) {
+            Some(error) => Err(error),
+            None => read,
+        }
+    }
+
+    /// Why a download failed, if no call has reported it yet: faults that were found may then be the network's.
+    pub fn take_outage(&self) -> Option<Error> {
+        outage(&self.mirrors)
     }
 
     /// Regions of an image with objects that are not separated; see [`ImageSource::crowds`].

@@ -17,11 +17,11 @@ pub fn shown(path: &Path) -> PathBuf {
 }
 
 /// Shows the paths in a folder under a name, until [`forget`] of the folder.
-pub fn show(folder: &Path, name: &str) {
+pub(crate) fn show(folder: &Path, name: &str) {
     SHOWN.write().push((folder.to_owned(), name.to_owned()));
 }
 
 /// Shows the paths in a folder as they are.
-pub fn forget(folder: &Path) {
+pub(crate) fn forget(folder: &Path) {
     SHOWN.write().retain(|(known, _)| known != folder);
 }

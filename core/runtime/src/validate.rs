@@ -55,7 +55,11 @@ pub fn validate_path(
 ) -> Result<ValidatedDataset> {
     let (format, found_at) = registry.find_dataset(named, format)?;
     let found = match format.open(&found_at) {
-        Ok(dataset) => validate(&dataset, registry.checks(), work)?,
+        Ok(dataset) => {
+            let found = validate(&dataset, registry.checks(), work)?;
+            // A file that could not be downloaded is no fault of the dataset.
+            dataset.take_outage().map_or(Ok(found), Err)?
+        }
         Err(error) if error.is_transient() => return Err(error),
         Err(error) => Validated::unreadable(found_at.name().display().to_string(), &error),
     };

@@ -11,6 +11,7 @@ use syntable_model::limits::{ARCHIVE_MEMBERS, MEMBER_BYTES};
 use syntable_model::mirror::DatasetFile;
 use syntable_model::panics::guarded;
 use syntable_model::rule;
+use syntable_model::shown::shown;
 
 /// A file in a tar file.
 #[derive(Debug, Clone)]
@@ -71,7 +72,7 @@ pub fn samples(archives: &[PathBuf], faults: &mut Faults) -> BTreeMap<(u32, u32)
             let sample = samples.entry(place).or_insert_with(|| TarSample { archive, fields: BTreeMap::new() });
             if sample.archive != archive || sample.fields.contains_key(&field) {
                 let message = "the sample has this member twice; the first one counts";
-                faults.add(rule::UNIQUE_VIEWS, member.path().display().to_string(), message);
+                faults.add(rule::UNIQUE_VIEWS, shown(&member.path()).display().to_string(), message);
                 continue;
             }
             sample.fields.insert(field, member);
@@ -139,6 +140,7 @@ fn list(path: &Path, most: usize, found: &mut Vec<TarMember>) -> Result<()> {
 mod tests {
     use super::*;
     use crate::encode::tar::TarWriter;
+    use std::fs::File;
 
     #[test]
     fn members_are_read_in_any_order() {

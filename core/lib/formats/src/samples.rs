@@ -24,6 +24,7 @@ use syntable_model::reader::{
 };
 use syntable_model::rule;
 use syntable_model::scene::InstanceId;
+use syntable_model::shown::shown;
 use syntable_model::stage::DatasetInfo;
 
 /// The fields of a sample by name.
@@ -70,8 +71,8 @@ pub fn files_of_views(files: Vec<((u32, u32), PathBuf)>, faults: &mut Faults) ->
             Entry::Vacant(entry) => drop(entry.insert(path)),
             Entry::Occupied(first) => {
                 let (scene, view) = place;
-                let message = format!("it is view {view} of scene {scene}, as {} is", first.get().display());
-                faults.lost(rule::UNIQUE_VIEWS, path.display().to_string(), message);
+                let message = format!("it is view {view} of scene {scene}, as {} is", shown(first.get()).display());
+                faults.lost(rule::UNIQUE_VIEWS, shown(&path).display().to_string(), message);
             }
         }
     }

@@ -218,6 +218,7 @@ impl<'de> Visitor<'de> for KeysSeed<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs::File;
 
     #[test]
     fn a_file_is_read_once_until_it_changes() {

@@ -45,7 +45,8 @@ impl DatasetFile {
         Ok(bytes)
     }
 
-    /// The same file, open once more.
+    /// The same open file. As of [`File::try_clone`], a file of this machine shares its place with the clone: seek before
+    /// you read.
     ///
     /// # Errors
     /// If the system opens no further file.

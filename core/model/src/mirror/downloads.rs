@@ -23,11 +23,14 @@ const BUDGET: u64 = 20_000_000_000;
 /// Share of the budget that stays when files are deleted, in hundredths.
 const KEPT: u64 = 90;
 /// Bytes that a process downloads before it looks at the size of the cache again.
-const BETWEEN: u64 = 1 << 28;
+const BETWEEN: u64 = if cfg!(test) { 1 << 20 } else { 1 << 28 };
 /// A file that was read within this time keeps its time stamp.
 const RECENT: Duration = Duration::from_secs(3600);
 /// A process locks the folder of a mirror within this time.
 const FRESH: Duration = Duration::from_secs(60);
+
+/// The files in the user's cache, once per process.
+static OF_PROCESS: Mutex<Option<Arc<Downloads>>> = Mutex::new(None);
 
 /// Files that were downloaded, and the names of mirrors.
 pub struct Downloads {
@@ -57,11 +60,18 @@ impl Downloads {
             },
             Err(_) => BUDGET,
         };
-        Ok(Self::new(root.join("remote"), budget))
+        let root = root.join("remote");
+        let mut known = OF_PROCESS.lock();
+        match &*known {
+            Some(known) if known.root == root && known.budget == budget => Ok(Arc::clone(known)),
+            _ => Ok(Arc::clone(known.insert(Self::new(root, budget)))),
+        }
     }
 
     /// The files in a folder of their own.
     pub fn new(root: PathBuf, budget: u64) -> Arc<Self> {
+        // Private objects stay private. The error of a folder that cannot be created follows with its first file.
+        let _ = create_private(&root);
         let downloads = Self { root, budget, new: AtomicU64::new(0), cleaning: Mutex::new(()) };
         downloads.clean();
         Arc::new(downloads)
@@ -96,20 +106,23 @@ impl Downloads {
 
     /// A new file for the content of a file. [`keep`](Self::keep) makes it the complete file.
     pub fn part(&self, key: Digest) -> io::Result<(PathBuf, File)> {
-        let path = self.path(key).with_extension(format!("{:016x}.part", random()));
+        let path = self.path(key).with_extension(format!("{:016x}.{PART}", random()));
         fs::create_dir_all(path.parent().unwrap_or(&self.root))?;
         let file = File::options().read(true).write(true).create_new(true).open(&path)?;
         Ok((path, file))
     }
 
     /// Keeps a complete file under its key.
-    pub fn keep(&self, part: &Path, key: Digest, size: u64) -> io::Result<()> {
-        fs::rename(part, self.path(key))?;
+    pub fn keep(&self, part: &Path, key: Digest) -> io::Result<()> {
+        fs::rename(part, self.path(key))
+    }
+
+    /// Counts bytes that were downloaded. Looks at the size of the cache from time to time.
+    pub fn count(&self, size: u64) {
         if self.new.fetch_add(size, Ordering::Relaxed) + size >= BETWEEN {
             self.new.store(0, Ordering::Relaxed);
             self.clean();
         }
-        Ok(())
     }
 
     /// Opens a complete file, if this machine has it.
@@ -146,7 +159,11 @@ impl Downloads {
         let mut files: Vec<(SystemTime, u64, PathBuf)> = Vec::new();
         for folder in fs::read_dir(self.root.join("files")).into_iter().flatten().flatten() {
             for entry in fs::read_dir(folder.path()).into_iter().flatten().flatten() {
-                if let Ok(found) = entry.metadata() {
+                // A process may be writing a part.
+                let is_part = entry.path().extension().is_some_and(|extension| extension == PART);
+                if let Ok(found) = entry.metadata()
+                    && (!is_part || is_older(&found, RECENT))
+                {
                     files.push((found.modified().unwrap_or(SystemTime::UNIX_EPOCH), used(&found), entry.path()));
                 }
             }
@@ -168,8 +185,19 @@ impl Downloads {
     }
 }
 
+/// Extension of a file that is not complete.
+const PART: &str = "part";
 /// File that the owner of a mirror's names holds locked.
 const LOCK: &str = "lock";
+
+/// Creates a folder that other users of the machine cannot read.
+fn create_private(folder: &Path) -> io::Result<()> {
+    fs::create_dir_all(folder.parent().unwrap_or(folder))?;
+    let mut builder = fs::DirBuilder::new();
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+    builder.create(folder)
+}
 
 fn is_older(found: &fs::Metadata, age: Duration) -> bool {
     found.modified().is_ok_and(|modified| modified.elapsed().is_ok_and(|since| since > age))

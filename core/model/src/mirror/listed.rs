@@ -1,7 +1,7 @@
 //! The files that a store listed, in order.
 
 use super::downloads::Downloads;
-use super::remote_file::{Open, RemoteFile};
+use super::remote_file::{Open, Outage, Recent, RemoteFile};
 use crate::error::Result;
 use crate::files::DatasetPath;
 use crate::store::{StoreFolder, Stored};
@@ -14,6 +14,8 @@ pub struct Listed {
     downloads: Arc<Downloads>,
     /// In natural order: numbers in names count by their values.
     pub files: Vec<RemoteFile>,
+    recent: Recent,
+    outage: Arc<Outage>,
 }
 
 impl Listed {
@@ -21,7 +23,7 @@ impl Listed {
         let mut files: Vec<RemoteFile> =
             list.into_iter().map(|(path, stored)| RemoteFile::new(path, &stored, url)).collect();
         files.sort_unstable_by(|one, other| natural(&one.path, &other.path));
-        Self { store, downloads, files }
+        Self { store, downloads, files, recent: Recent::default(), outage: Arc::default() }
     }
 
     /// The number of a file.
@@ -36,7 +38,12 @@ impl Listed {
 
     /// Opens a file; see [`RemoteFile::open`].
     pub fn open(&self, number: usize) -> Result<Open> {
-        self.files[number].open(&self.store, &self.downloads)
+        self.files[number].open(&self.store, &self.downloads, (&self.recent, &self.outage))
+    }
+
+    /// Why a download failed, if no call has reported it yet.
+    pub fn outage(&self) -> &Outage {
+        &self.outage
     }
 
     /// Opens a file without locks; see [`RemoteFile::open_alone`].

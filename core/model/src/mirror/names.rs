@@ -9,6 +9,7 @@ use crate::files::DatasetPath;
 use crate::shown;
 use crate::store::{StoreFolder, Stored};
 use parking_lot::RwLock;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::fs::{self, File};
 use std::io::ErrorKind;
@@ -75,7 +76,7 @@ impl Mirror {
     ) -> Result<Arc<Self>> {
         let (own, lock) = downloads.new_names()?;
         // Readers name a dataset after its folder.
-        let root = own.join(url.rsplit('/').next().filter(|name| !name.is_empty()).unwrap_or("dataset"));
+        let root = own.join("names").join(url.rsplit('/').next().filter(|name| !name.is_empty()).unwrap_or("dataset"));
         let fail = |error: std::io::Error| downloads.fail(&own, &error);
         let listed = Arc::new(Listed::new(store, url, list, Arc::clone(&downloads)));
         create_names(&root, &listed.files).map_err(fail)?;
@@ -99,11 +100,18 @@ impl Mirror {
 
     /// Opens a file, and downloads the files that probably follow.
     pub(super) fn open_file(&self, number: usize) -> Result<Open> {
-        if self.is_forked() {
-            return self.listed.open_alone(number);
-        }
-        self.ahead.follow(number);
-        self.listed.open(number)
+        let opened = if self.is_forked() {
+            self.listed.open_alone(number)
+        } else {
+            self.ahead.follow(number);
+            self.listed.open(number)
+        };
+        opened.inspect_err(|error| self.listed.outage().note(error))
+    }
+
+    /// Why a download failed since the last call. A reader may have taken the failure for damage of the dataset.
+    pub fn take_outage(&self) -> Option<Error> {
+        self.listed.outage().take()
     }
 }
 
@@ -152,23 +160,15 @@ fn without_dots(path: &Path) -> PathBuf {
     plain
 }
 
-/// Creates empty files. A name that this machine refuses, or that is a folder, too, is left out: no reader can name it.
+/// Creates empty files, folders first. Names that this machine refuses, and a file that is also a folder, are left out: no
+/// reader can name them.
 fn create_names(root: &Path, files: &[RemoteFile]) -> std::io::Result<()> {
+    let unless_full =
+        |created: std::io::Result<()>| created.or_else(|error| if is_full(&error) { Err(error) } else { Ok(()) });
     fs::create_dir_all(root)?;
-    let mut last = None;
-    for file in files {
-        let path = file.path.below(root);
-        let folder = path.parent().map(Path::to_owned);
-        if folder != last {
-            fs::create_dir_all(folder.as_deref().unwrap_or(root))?;
-            last = folder;
-        }
-        match File::create_new(path) {
-            Err(error) if is_full(&error) => return Err(error),
-            _ => {}
-        }
-    }
-    Ok(())
+    let folders: BTreeSet<&str> = files.iter().filter_map(|file| Some(file.path.rsplit_once('/')?.0)).collect();
+    folders.into_iter().try_for_each(|folder| unless_full(fs::create_dir_all(root.join(folder))))?;
+    files.iter().try_for_each(|file| unless_full(File::create_new(file.path.below(root)).map(drop)))
 }
 
 /// Whether no further file fits.

@@ -6,10 +6,11 @@ use crate::error::{Error, Result};
 use crate::files::DatasetPath;
 use crate::store::{StoreFolder, Stored, StoredFile};
 use parking_lot::Mutex;
+use std::collections::VecDeque;
 use std::fs::{self, File};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 /// Bytes that are downloaded at once. A smaller file is downloaded whole.
 pub const BLOCK: u64 = 4 << 20;
@@ -23,8 +24,45 @@ pub struct RemoteFile {
     /// The version that the store listed, if it tells versions apart.
     version: Option<String>,
     key: Digest,
-    /// Downloaded blocks of a large file.
-    blocks: Mutex<Option<Arc<Mutex<Blocks>>>>,
+    /// Downloaded blocks of a large file, as long as a reader or [`Recent`] has it open.
+    blocks: Mutex<Weak<Mutex<Blocks>>>,
+}
+
+/// The large files that were opened last. Each has an open file, and often a connection.
+#[derive(Default)]
+pub struct Recent(Mutex<VecDeque<Arc<Mutex<Blocks>>>>);
+
+/// Number of them.
+pub const RECENT: usize = if cfg!(test) { 3 } else { 64 };
+
+impl Recent {
+    fn add(&self, blocks: &Arc<Mutex<Blocks>>) {
+        let dropped = {
+            let mut recent = self.0.lock();
+            recent.retain(|other| !Arc::ptr_eq(other, blocks));
+            recent.push_back(Arc::clone(blocks));
+            if recent.len() > RECENT { recent.pop_front() } else { None }
+        };
+        // Outside the lock: it deletes a file.
+        drop(dropped);
+    }
+}
+
+/// Why a file could not be downloaded, until it is reported. A reader may take the failure for damage of the file.
+#[derive(Default)]
+pub struct Outage(Mutex<Option<Error>>);
+
+impl Outage {
+    /// Remembers a failure that says nothing about the file.
+    pub fn note(&self, error: &Error) {
+        if error.is_transient() {
+            self.0.lock().get_or_insert_with(|| error.clone());
+        }
+    }
+
+    pub fn take(&self) -> Option<Error> {
+        self.0.lock().take()
+    }
 }
 
 /// An open file.
@@ -40,7 +78,7 @@ impl RemoteFile {
         // Without a version, a file of this name may have been of other content before.
         let version = stored.version.clone().unwrap_or_else(|| format!("{:016x}", random()));
         let key = key_of(url, &path, &format!("{} {version}", stored.size));
-        Self { path, size: stored.size, version: stored.version.clone(), key, blocks: Mutex::new(None) }
+        Self { path, size: stored.size, version: stored.version.clone(), key, blocks: Mutex::default() }
     }
 
     /// Whether it is on this machine, or is too large to be downloaded before it is read.
@@ -49,10 +87,16 @@ impl RemoteFile {
     }
 
     /// Opens it. A small file is downloaded now, once: other threads wait.
-    pub fn open(&self, store: &StoreFolder, downloads: &Arc<Downloads>) -> Result<Open> {
-        let mut blocks = self.blocks.lock();
-        if let Some(blocks) = &*blocks {
-            return Ok(Open::Blocks(Arc::clone(blocks)));
+    pub fn open(
+        &self,
+        store: &StoreFolder,
+        downloads: &Arc<Downloads>,
+        (recent, outage): (&Recent, &Arc<Outage>),
+    ) -> Result<Open> {
+        let mut known = self.blocks.lock();
+        if let Some(blocks) = known.upgrade() {
+            recent.add(&blocks);
+            return Ok(Open::Blocks(blocks));
         }
         if let Some(file) = self.kept(downloads) {
             return Ok(Open::Whole(file));
@@ -60,9 +104,11 @@ impl RemoteFile {
         if self.size <= BLOCK {
             return self.download(store, downloads).map(Open::Whole);
         }
-        let new = Blocks::new(self.size, self.open_stored(store)?, Arc::clone(downloads), self.key)?;
+        let stored = self.open_stored(store)?;
+        let new = Blocks::new(self.size, stored, (Arc::clone(downloads), Arc::clone(outage)), self.key)?;
         let new = Arc::new(Mutex::new(new));
-        *blocks = Some(Arc::clone(&new));
+        *known = Arc::downgrade(&new);
+        recent.add(&new);
         Ok(Open::Blocks(new))
     }
 
@@ -82,15 +128,15 @@ impl RemoteFile {
     /// Opens the file of the store, in the version that was listed.
     fn open_stored(&self, store: &StoreFolder) -> Result<StoredFile> {
         let name = || store.name_of(&self.path);
-        let opened = store.open(&self.path)?.ok_or_else(|| Error::io(name(), &io::ErrorKind::NotFound.into()))?;
-        let is_same = opened.size == self.size && (self.version.is_none() || opened.version == self.version);
-        if !is_same {
-            return Err(Error::new("the file changed after the dataset was opened")
-                .in_file(name())
-                .help("open the dataset again after its writer has ended")
-                .of_request());
-        }
-        Ok(opened)
+        let is_same = |opened: &StoredFile| {
+            opened.size == self.size && (self.version.is_none() || opened.version == self.version)
+        };
+        store.open(&self.path)?.filter(is_same).ok_or_else(|| {
+            // Transient: another list of the store has other versions.
+            let changed =
+                io::Error::new(io::ErrorKind::StaleNetworkFileHandle, "the file changed after the store listed it");
+            Error::io(name(), &changed).help("run the same command again after the writer of the files has ended")
+        })
     }
 
     fn download(&self, store: &StoreFolder, downloads: &Downloads) -> Result<File> {
@@ -106,8 +152,13 @@ impl RemoteFile {
                 file.write_all(part).map_err(|error| downloads.fail(&path, &error))?;
                 left -= part.len() as u64;
             }
-            let kept = file.rewind().and_then(|()| downloads.keep(&path, self.key, self.size));
-            kept.map_err(|error| downloads.fail(&path, &error))
+            // After a power failure, a file with a name is complete.
+            let synced = file.rewind().and_then(|()| file.sync_data());
+            synced.map_err(|error| downloads.fail(&path, &error))?;
+            // Without the name, the open file serves.
+            let _ = downloads.keep(&path, self.key);
+            downloads.count(self.size);
+            Ok(())
         };
         let copied = copy();
         if copied.is_err() {
@@ -120,21 +171,29 @@ impl RemoteFile {
 /// A file with gaps: the blocks of a large file that were read.
 pub struct Blocks {
     size: u64,
-    stored: StoredFile,
+    /// None if the file is complete.
+    stored: Option<StoredFile>,
     file: File,
     /// Path of the file until it is complete.
     part: Option<PathBuf>,
     has: Vec<bool>,
     missing: usize,
     downloads: Arc<Downloads>,
+    outage: Arc<Outage>,
     key: Digest,
 }
 
 impl Blocks {
-    fn new(size: u64, stored: StoredFile, downloads: Arc<Downloads>, key: Digest) -> Result<Self> {
+    fn new(
+        size: u64,
+        stored: StoredFile,
+        (downloads, outage): (Arc<Downloads>, Arc<Outage>),
+        key: Digest,
+    ) -> Result<Self> {
         let (part, file) = downloads.part(key).map_err(|error| downloads.fail(&downloads.path(key), &error))?;
         let count = size.div_ceil(BLOCK) as usize;
-        Ok(Self { size, stored, file, part: Some(part), has: vec![false; count], missing: count, downloads, key })
+        let (stored, part, has) = (Some(stored), Some(part), vec![false; count]);
+        Ok(Self { size, stored, file, part, has, missing: count, downloads, outage, key })
     }
 
     /// Bytes of the file.
@@ -151,15 +210,21 @@ impl Blocks {
         let (start, end) = (block as u64 * BLOCK, self.size.min((block as u64 + 1) * BLOCK));
         if !self.has[block] {
             let mut bytes = vec![0; (end - start) as usize];
-            self.stored.seek(SeekFrom::Start(start))?;
-            self.stored.read_exact(&mut bytes)?;
+            if let Some(stored) = &mut self.stored {
+                let read = stored.seek(SeekFrom::Start(start)).and_then(|_| stored.read_exact(&mut bytes));
+                read.inspect_err(|error| self.outage.note(&Error::io(self.downloads.path(self.key), error)))?;
+            }
             let written = self.file.seek(SeekFrom::Start(start)).and_then(|_| self.file.write_all(&bytes));
             written.map_err(|error| self.fail(&error))?;
             self.has[block] = true;
             self.missing -= 1;
-            if let Some(part) = self.part.take_if(|_| self.missing == 0) {
+            self.downloads.count(end - start);
+            if self.missing == 0 {
+                self.stored = None;
                 // Without the name, the file serves until it is closed.
-                let _ = self.downloads.keep(&part, self.key, self.size);
+                if let Some(part) = self.part.take_if(|_| self.file.sync_data().is_ok()) {
+                    let _ = self.downloads.keep(&part, self.key);
+                }
             }
         }
         let length = buffer.len().min((end - at) as usize);

@@ -1,8 +1,9 @@
 //! A store in memory.
 
+use crate::digest::Digest;
 use crate::error::{Error, Result};
 use crate::files::DatasetPath;
-use crate::store::{Access, Fill, Found, Hold, Kind, Store, StoredFile};
+use crate::store::{Access, Fill, Found, Hold, Kind, Store, Stored, StoredFile};
 use parking_lot::Mutex;
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -51,6 +52,11 @@ impl MemStore {
     /// Adds a file, or replaces the existing one.
     pub fn insert(&self, path: DatasetPath, bytes: Vec<u8>) {
         self.files.lock().insert(path, Arc::new(bytes));
+    }
+
+    /// A digest, as stores on other machines give it.
+    fn version_of(&self, bytes: &[u8]) -> Option<String> {
+        self.is_remote.then(|| Digest::of(bytes).to_string())
     }
 
     fn fail(&self, path: &str, kind: ErrorKind) -> Error {
@@ -109,11 +115,21 @@ impl Store for MemStore {
         Ok(names.into_iter().map(|(name, kind)| (name.to_owned(), kind)).collect())
     }
 
+    fn files(&self, folder: &str) -> Result<Vec<(DatasetPath, Stored)>> {
+        let files = self.files.lock();
+        let start = if folder.is_empty() { 0 } else { folder.len() + 1 };
+        let file = |(path, bytes): (&DatasetPath, &Bytes)| {
+            let inside = DatasetPath::new(&path[start..]).ok()?;
+            Some((inside, Stored { size: bytes.len() as u64, version: self.version_of(bytes) }))
+        };
+        Ok(below(&files, folder).filter_map(file).collect())
+    }
+
     fn open(&self, path: &DatasetPath) -> Result<Option<StoredFile>> {
         let bytes = self.files.lock().get(path).map(Arc::clone);
         Ok(bytes.map(|bytes| {
-            let size = bytes.len() as u64;
-            StoredFile { size, version: None, bytes: Box::new(Cursor::new(Shared(bytes))) }
+            let (size, version) = (bytes.len() as u64, self.version_of(&bytes));
+            StoredFile { size, version, bytes: Box::new(Cursor::new(Shared(bytes))) }
         }))
     }
 

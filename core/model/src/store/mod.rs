@@ -69,11 +69,11 @@ pub trait Store: Any + fmt::Debug + Send + Sync {
     /// Names in a folder, in no order. None if the path does not exist or is not a folder. The empty path is the store.
     fn list(&self, folder: &str) -> Result<Vec<(String, Kind)>>;
 
-    /// The files below a folder, by their paths in it, in no order. Names that are no [`DatasetPath`] are left out. The empty
-    /// path is the store.
+    /// The files below a folder, by their paths in it, in no order. Names that are no [`DatasetPath`] are left out, and so are
+    /// the empty objects by which consoles of stores mark folders. The empty path is the store.
     ///
     /// # Errors
-    /// If the store cannot tell.
+    /// If the store cannot tell, or has a name that its client cannot express.
     fn files(&self, folder: &str) -> Result<Vec<(DatasetPath, Stored)>> {
         let mut found = Vec::new();
         let mut folders = vec![String::new()];

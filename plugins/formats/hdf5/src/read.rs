@@ -18,6 +18,7 @@ use syntable_model::product::standard::{CATEGORY_ID, INSTANCE, NORMAL, OBJECT_NA
 use syntable_model::product::{DType, Tensor};
 use syntable_model::reader::{Format, Opened, Source, unnamed_category};
 use syntable_model::rule;
+use syntable_model::shown::shown;
 
 syntable_model::register_format!(
     Format::new(
@@ -76,7 +77,7 @@ fn open(source: &Source) -> Result<Opened> {
             let known: &String = names.entry(id).or_insert_with(|| name.clone());
             if *known != name {
                 let message = format!("category {id} is `{name}`, which other files call `{known}`");
-                faults.add(rule::UNIQUE_NAMES, path.display().to_string(), message);
+                faults.add(rule::UNIQUE_NAMES, shown(path).display().to_string(), message);
             }
         }
         // A hidden annotated object has a category as well, but no file states the name of this category.

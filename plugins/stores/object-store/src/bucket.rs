@@ -9,8 +9,10 @@ use object_store::{
     Error as Failure, GetOptions, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode, PutOptions, PutPayload,
     UpdateVersion,
 };
+use parking_lot::Mutex;
 use std::io;
 use std::path::PathBuf;
+use std::process;
 use std::sync::Arc;
 use std::time::Duration;
 use syntable_model::error::{Error, Result};
@@ -18,14 +20,42 @@ use syntable_model::error::{Error, Result};
 /// Parts of a large file that are uploaded at once.
 const PARTS: usize = 4;
 
+/// Makes the client of a bucket.
+pub type Connect = Box<dyn Fn() -> Result<Arc<dyn ObjectStore>> + Send + Sync>;
+
 /// A bucket or container.
 pub struct Bucket {
-    pub store: Arc<dyn ObjectStore>,
+    client: Arc<dyn ObjectStore>,
     /// URL without a `/` at its end, for messages.
     pub name: String,
+    /// The process of the client. Connections of another process belong to threads that a fork does not copy.
+    process: u32,
+    connect: Option<Connect>,
+    /// Clients of processes that were forked, for good.
+    forked: Mutex<Vec<(u32, &'static Arc<dyn ObjectStore>)>>,
 }
 
 impl Bucket {
+    /// A bucket with its client. `connect` makes a client for a process that is forked later.
+    pub fn new(client: Arc<dyn ObjectStore>, name: String, connect: Option<Connect>) -> Self {
+        Self { client, name, process: process::id(), connect, forked: Mutex::default() }
+    }
+
+    /// The client of this process.
+    pub fn store(&self) -> &Arc<dyn ObjectStore> {
+        let here = process::id();
+        let Some(connect) = self.connect.as_ref().filter(|_| here != self.process) else { return &self.client };
+        let mut forked = self.forked.lock();
+        if let Some((_, client)) = forked.iter().find(|(process, _)| *process == here) {
+            return client;
+        }
+        // The same variables made the client of the parent process.
+        let Ok(client) = connect() else { return &self.client };
+        let client: &'static Arc<dyn ObjectStore> = Box::leak(Box::new(client));
+        forked.push((here, client));
+        client
+    }
+
     pub fn name_of(&self, path: &str) -> PathBuf {
         PathBuf::from(if path.is_empty() { self.name.clone() } else { format!("{}/{path}", self.name) })
     }
@@ -43,18 +73,18 @@ impl Bucket {
     pub fn below(&self, folder: &str) -> Result<Vec<ObjectMeta>> {
         let key = self.key(folder)?;
         let prefix = Some(&key).filter(|_| !folder.is_empty());
-        wait(whole(|| self.store.list(prefix).try_collect())).map_err(self.fail(folder))
+        wait(whole(|| self.store().list(prefix).try_collect())).map_err(self.fail(folder))
     }
 
     /// Whether a folder exists.
     pub fn has_folder(&self, folder: &str) -> Result<bool> {
         let key = self.key(folder)?;
-        let first = wait(whole(async || self.store.list(Some(&key)).next().await.transpose()));
+        let first = wait(whole(async || self.store().list(Some(&key)).next().await.transpose()));
         first.map(|first| first.is_some()).map_err(self.fail(folder))
     }
 
     pub fn head(&self, path: &str) -> Result<Option<ObjectMeta>> {
-        match wait(self.store.head(&self.key(path)?)) {
+        match wait(self.store().head(&self.key(path)?)) {
             Ok(meta) => Ok(Some(meta)),
             Err(Failure::NotFound { .. }) => Ok(None),
             Err(failure) => Err(self.fail(path)(failure)),
@@ -65,9 +95,9 @@ impl Bucket {
     pub fn upload(&self, path: &str, key: &Key, spool: &mut Spool) -> Result<()> {
         let local = |error: io::Error| Error::io(std::env::temp_dir(), &error);
         if let Some(bytes) = spool.small().map_err(local)? {
-            return wait(self.store.put(key, bytes.into())).map(drop).map_err(self.fail(path));
+            return wait(self.store().put(key, bytes.into())).map(drop).map_err(self.fail(path));
         }
-        let mut upload = wait(self.store.put_multipart(key)).map_err(self.fail(path))?;
+        let mut upload = wait(self.store().put_multipart(key)).map_err(self.fail(path))?;
         let mut is_first = true;
         let sent = loop {
             let mut parts = Vec::new();
@@ -100,7 +130,7 @@ impl Bucket {
     /// The same as a request.
     pub async fn getting(&self, key: &Key) -> object_store::Result<Option<(Vec<u8>, UpdateVersion)>> {
         whole(async || {
-            let got = match self.store.get_opts(key, GetOptions::default()).await {
+            let got = match self.store().get_opts(key, GetOptions::default()).await {
                 Ok(got) => got,
                 Err(Failure::NotFound { .. }) => return Ok(None),
                 Err(failure) => return Err(failure),
@@ -120,7 +150,7 @@ impl Bucket {
         loop {
             tries += 1;
             let options = PutOptions { mode: mode.clone(), ..PutOptions::default() };
-            let failure = match wait(self.store.put_opts(key, PutPayload::from(bytes.to_vec()), options)) {
+            let failure = match wait(self.store().put_opts(key, PutPayload::from(bytes.to_vec()), options)) {
                 Ok(put) => return Ok(Some(UpdateVersion { e_tag: put.e_tag, version: put.version })),
                 Err(failure) => failure,
             };
@@ -150,7 +180,7 @@ impl Bucket {
         limit: Duration,
     ) -> object_store::Result<Option<UpdateVersion>> {
         let options = PutOptions { mode: PutMode::Update(version), ..PutOptions::default() };
-        let put = self.store.put_opts(key, PutPayload::from(bytes.to_vec()), options);
+        let put = self.store().put_opts(key, PutPayload::from(bytes.to_vec()), options);
         match wait_at_most(limit, put) {
             Some(Ok(put)) => Ok(Some(UpdateVersion { e_tag: put.e_tag, version: put.version })),
             Some(Err(Failure::AlreadyExists { .. } | Failure::Precondition { .. } | Failure::NotFound { .. })) => {
@@ -163,11 +193,11 @@ impl Bucket {
 
     /// The keys below a key.
     pub fn keys_below(&self, key: &Key) -> object_store::Result<Vec<Key>> {
-        wait(whole(|| self.store.list(Some(key)).map_ok(|meta| meta.location).try_collect()))
+        wait(whole(|| self.store().list(Some(key)).map_ok(|meta| meta.location).try_collect()))
     }
 
     pub fn delete(&self, key: &Key) -> object_store::Result<()> {
-        match wait(whole(|| self.store.delete(key))) {
+        match wait(whole(|| self.store().delete(key))) {
             Err(Failure::NotFound { .. }) => Ok(()),
             done => done,
         }

@@ -60,12 +60,13 @@ fn objects(scheme: &str, bucket: &str, name: String) -> Result<Arc<Objects>> {
     static CRYPTOGRAPHY: Once = Once::new();
     // Another library of the process may have chosen one.
     CRYPTOGRAPHY.call_once(|| drop(rustls::crypto::ring::default_provider().install_default()));
-    let store = match scheme {
-        "s3" => s3(bucket)?,
-        "gs" => gs(bucket)?,
-        _ => az(bucket)?,
+    let (scheme, bucket) = (scheme.to_owned(), bucket.to_owned());
+    let connect = move || match scheme.as_str() {
+        "s3" => s3(&bucket),
+        "gs" => gs(&bucket),
+        _ => az(&bucket),
     };
-    let objects = Arc::new(Objects::new(store, name, LeaseTimes::default()));
+    let objects = Arc::new(Objects::connected(Box::new(connect), name, LeaseTimes::default())?);
     BUCKETS.lock().insert(made, Arc::clone(&objects));
     Ok(objects)
 }

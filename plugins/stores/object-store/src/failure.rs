@@ -17,6 +17,7 @@ pub fn error(name: impl AsRef<Path>, failure: &Failure) -> Error {
         _ if text.contains("NoSuchBucket") => (ErrorKind::NotFound, Some(NOWHERE)),
         Failure::NotFound { .. } => (ErrorKind::NotFound, None),
         Failure::AlreadyExists { .. } => (ErrorKind::AlreadyExists, None),
+        _ if has_odd_key(failure) => (ErrorKind::InvalidData, Some(ODD_KEY)),
         _ => match denial(failure, &text) {
             Some(help) => (ErrorKind::PermissionDenied, Some(help)),
             None => (ErrorKind::ConnectionAborted, Some(OFFLINE)),
@@ -24,7 +25,7 @@ pub fn error(name: impl AsRef<Path>, failure: &Failure) -> Error {
     };
     let error = Error::io(name, &io::Error::new(kind, without_secrets(&text)));
     match help {
-        Some(NOWHERE) => error.help(NOWHERE).of_request(),
+        Some(help @ (NOWHERE | ODD_KEY)) => error.help(help).of_request(),
         Some(help) => error.help(help),
         None => error,
     }
@@ -48,6 +49,18 @@ fn denial(failure: &Failure, text: &str) -> Option<&'static str> {
         _ if text.contains("169.254.169.254") => Some(NONE),
         _ => None,
     }
+}
+
+/// Whether the bucket has an object whose key the client cannot express, such as one with an empty part.
+fn has_odd_key(failure: &Failure) -> bool {
+    let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(failure);
+    while let Some(inner) = cause {
+        if inner.is::<object_store::path::Error>() {
+            return true;
+        }
+        cause = inner.source();
+    }
+    false
 }
 
 /// Whether the connection broke off within an answer. The client sends a request again only if it got no answer at all.
@@ -79,6 +92,7 @@ const UNKNOWN: &str =
     "the credentials are wrong or have expired: get new ones, then run the same command, which goes on";
 const NONE: &str = "no credentials were found: set the variables of the store, as the chapter on object stores shows";
 const NOWHERE: &str = "check the name of the bucket, the region and the endpoint";
+const ODD_KEY: &str = "rename the object: no part of a key may be empty, `.` or `..`";
 const OFFLINE: &str = "the request failed several times: check the network, the endpoint and the name of the bucket, then run the \
                        same command, which goes on";
 

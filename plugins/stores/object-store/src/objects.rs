@@ -1,6 +1,6 @@
 //! A bucket as a store.
 
-use crate::bucket::Bucket;
+use crate::bucket::{Bucket, Connect};
 use crate::content::ObjectContent;
 use crate::lease::{Lease, LeaseTimes, Locks};
 use crate::requests::{TRIES, wait, whole};
@@ -8,6 +8,7 @@ use crate::spool::Spool;
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::path::Path as Key;
 use object_store::{Error as Failure, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode};
+use std::collections::BTreeSet;
 use std::fmt;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -29,7 +30,13 @@ pub struct Objects {
 impl Objects {
     /// The objects of a client. `name` is the URL of the bucket, for messages.
     pub fn new(store: Arc<dyn ObjectStore>, name: impl Into<String>, times: LeaseTimes) -> Self {
-        Self { bucket: Arc::new(Bucket { store, name: name.into() }), locks: Arc::new(Locks::new(times)) }
+        Self { bucket: Arc::new(Bucket::new(store, name.into(), None)), locks: Arc::new(Locks::new(times)) }
+    }
+
+    /// The same with a function that makes the client, for this process and for processes that are forked from it.
+    pub(crate) fn connected(connect: Connect, name: impl Into<String>, times: LeaseTimes) -> Result<Self> {
+        let bucket = Bucket::new(connect()?, name.into(), Some(connect));
+        Ok(Self { bucket: Arc::new(bucket), locks: Arc::new(Locks::new(times)) })
     }
 
     /// The bucket, to write in it.
@@ -63,27 +70,37 @@ impl Store for Objects {
     fn list(&self, folder: &str) -> Result<Vec<(String, Kind)>> {
         let key = self.bucket.key(folder)?;
         let prefix = Some(&key).filter(|_| !folder.is_empty());
-        let listed = wait(whole(|| self.bucket.store.list_with_delimiter(prefix))).map_err(self.bucket.fail(folder))?;
+        let listed =
+            wait(whole(|| self.bucket.store().list_with_delimiter(prefix))).map_err(self.bucket.fail(folder))?;
         let name = |key: &Key| key.filename().unwrap_or_default().to_owned();
-        let files = listed.objects.iter().map(|meta| (name(&meta.location), Kind::File));
+        // A console marks a folder by an object of its name.
+        let files = listed.objects.iter().filter(|meta| meta.location != key);
+        let files = files.map(|meta| (name(&meta.location), Kind::File));
         Ok(files.chain(listed.common_prefixes.iter().map(|folder| (name(folder), Kind::Folder))).collect())
     }
 
     /// One list, whatever the folders in it.
     fn files(&self, folder: &str) -> Result<Vec<(DatasetPath, Stored)>> {
         let start = if folder.is_empty() { 0 } else { folder.len() + 1 };
-        let file = |meta: ObjectMeta| {
+        let listed = self.bucket.below(folder)?;
+        let folders: BTreeSet<String> = (listed.iter().flat_map(|meta| {
+            let path = meta.location.as_ref();
+            path.match_indices('/').map(|(end, _)| path[..end].to_owned())
+        }))
+        .collect();
+        let is_marker = |meta: &ObjectMeta| meta.size == 0 && folders.contains(meta.location.as_ref());
+        let file = |meta: &ObjectMeta| {
             let path = DatasetPath::new(meta.location.as_ref().get(start..)?).ok()?;
-            Some((path, Stored { size: meta.size, version: meta.e_tag }))
+            Some((path, Stored { size: meta.size, version: version_of(meta.e_tag.as_deref()) }))
         };
-        Ok(self.bucket.below(folder)?.into_iter().filter_map(file).collect())
+        Ok(listed.iter().filter(|meta| !is_marker(meta)).filter_map(file).collect())
     }
 
     fn open(&self, path: &DatasetPath) -> Result<Option<StoredFile>> {
-        match ObjectContent::open(Arc::clone(&self.bucket.store), self.bucket.key(path)?) {
+        match ObjectContent::open(Arc::clone(self.bucket.store()), self.bucket.key(path)?) {
             Ok(content) => Ok(Some(StoredFile {
                 size: content.size(),
-                version: content.version().map(str::to_owned),
+                version: version_of(content.version()),
                 bytes: Box::new(content),
             })),
             Err(Failure::NotFound { .. }) => Ok(None),
@@ -149,7 +166,7 @@ impl Store for Objects {
         if moved.is_empty() {
             return Err(Error::io(self.name_of(from), &io::ErrorKind::NotFound.into()));
         }
-        let copies = moved.iter().map(|(from, to)| whole(move || bucket.store.copy(from, to)));
+        let copies = moved.iter().map(|(from, to)| whole(move || bucket.store().copy(from, to)));
         let copied = stream::iter(copies).buffer_unordered(AT_ONCE).try_collect::<Vec<()>>();
         wait(copied).map_err(bucket.fail(to))?;
         moved.iter().try_for_each(|(from, _)| bucket.delete(from)).map_err(bucket.fail(from))
@@ -165,7 +182,7 @@ impl Store for Objects {
         let all: Vec<Key> = bucket.below(path)?.into_iter().map(|meta| meta.location).collect();
         let deleted = whole(|| {
             let all = stream::iter(all.clone()).map(Ok).boxed();
-            let deleted = bucket.store.delete_stream(all).map(|deleted| match deleted {
+            let deleted = bucket.store().delete_stream(all).map(|deleted| match deleted {
                 Err(Failure::NotFound { .. }) => Ok(()),
                 deleted => deleted.map(drop),
             });
@@ -191,6 +208,11 @@ impl fmt::Debug for Objects {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         write!(f, "Objects({})", self.bucket.name)
     }
+}
+
+/// The text of an entity tag. Azure quotes tags in answers, and not in lists.
+fn version_of(tag: Option<&str>) -> Option<String> {
+    tag.map(|tag| tag.trim_matches('"').to_owned())
 }
 
 /// A file that is uploaded at each flush, and when it is dropped.

@@ -20,6 +20,7 @@ use syntable_model::prelude::*;
 use syntable_model::reader::{ImageRef, Source};
 use syntable_model::rule;
 use syntable_model::scene::ViewId;
+use syntable_model::shown::shown;
 
 /// Fields of a sample with the content of [`SCENE_CAMERA`], [`SCENE_GT`] and [`SCENE_GT_INFO`] for its image.
 const RECORDS: [&str; 3] = [SAMPLE_CAMERA, SAMPLE_GT, SAMPLE_GT_INFO];
@@ -116,7 +117,9 @@ pub fn split_of(root: &Path) -> Result<BopSplit> {
         splits.push(BopSplit { folder: root.to_owned(), layout: BopLayout::Webdataset });
     }
     let (found, help) = match splits.first() {
-        Some(first) => (splits.len(), format!("name the folder of one split, such as {}", first.folder.display())),
+        Some(first) => {
+            (splits.len(), format!("name the folder of one split, such as {}", shown(&first.folder).display()))
+        }
         None => {
             (0, "a split has folders of scenes, each with a scene_gt.json, or tar files shard-000000.tar".to_owned())
         }

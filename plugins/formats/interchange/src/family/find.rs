@@ -7,6 +7,7 @@ use syntable_formats::syntable;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::reader::Source;
+use syntable_model::shown::shown;
 
 /// Folder of the annotation file.
 pub const FOLDER: &str = "annotations";
@@ -132,7 +133,7 @@ impl Structure {
             Err(files) => {
                 let help = files.first().map_or_else(
                     || "name the annotation file instead of the folder".to_owned(),
-                    |first| format!("name one of them instead of the folder, such as {}", first.display()),
+                    |first| format!("name one of them instead of the folder, such as {}", shown(first).display()),
                 );
                 let message = format!("expected one annotation file, found {}", files.len());
                 Err(Error::new(message).in_file(folder).help(help))

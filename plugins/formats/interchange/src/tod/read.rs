@@ -10,6 +10,7 @@ use syntable_formats::read::{self, Categories, Faults};
 use syntable_model::prelude::*;
 use syntable_model::reader::{Format, Opened, Source};
 use syntable_model::rule;
+use syntable_model::shown::shown;
 
 syntable_model::register_format!(Format::new(
     "tod",
@@ -44,7 +45,7 @@ fn scenes_folder(path: &Path) -> Result<PathBuf> {
         [] => Err(Error::new(format!("it has no scene of TOD: no folder `{SCENE}00000` or the like")).in_file(path)),
         [first, ..] => Err(Error::new("it has several splits")
             .in_file(path)
-            .help(format!("name one of them, such as {}", path.join(first).display()))),
+            .help(format!("name one of them, such as {}", shown(&path.join(first)).display()))),
     }
 }
 

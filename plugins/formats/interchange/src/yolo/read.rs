@@ -23,6 +23,7 @@ use syntable_model::product::standard::{
 };
 use syntable_model::reader::{DatasetFault, Format, ImageSource, Note, Opened, ReadImage, Source, unnamed_class};
 use syntable_model::rule;
+use syntable_model::shown::shown;
 
 syntable_model::register_format!(Format::new(
     "yolo",
@@ -93,7 +94,7 @@ fn folders(root: &Path) -> Result<[PathBuf; 2]> {
         Err(splits) => Err(match splits.first() {
             None => Error::new(format!("no folder `{IMAGES}` with a folder `{LABELS}` beside it")),
             Some([first, _]) => Error::new(format!("the dataset has {} splits", splits.len()))
-                .help(format!("name the folder of one split, such as {}", first.display())),
+                .help(format!("name the folder of one split, such as {}", shown(first).display())),
         }
         .in_file(root)
         .of_request()),
@@ -133,8 +134,8 @@ fn open(source: &Source) -> Result<Opened> {
         match all.last().filter(|last| last.name == name) {
             None => all.push(YoloImage { labels: of_image.remove(&name), name, image }),
             Some(first) => {
-                let message = format!("{} has the same labels, and is read", first.image.display());
-                faults.lost(rule::UNIQUE_VIEWS, image.display().to_string(), message);
+                let message = format!("{} has the same labels, and is read", shown(&first.image).display());
+                faults.lost(rule::UNIQUE_VIEWS, shown(&image).display().to_string(), message);
             }
         }
     }
@@ -142,8 +143,8 @@ fn open(source: &Source) -> Result<Opened> {
     for path in of_image.values().filter(is_of_image) {
         faults.lost(
             rule::KNOWN_IMAGES,
-            path.display().to_string(),
-            format!("{} has no image of this name", images.display()),
+            shown(path).display().to_string(),
+            format!("{} has no image of this name", shown(&images).display()),
         );
     }
     let description = images.ancestors().take(ABOVE).map(|above| above.join(DATA)).find(|path| is_there(path));
