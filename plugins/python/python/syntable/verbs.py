@@ -249,7 +249,8 @@ class Verification:
         files: Number of compared files.
         missing: Missing files.
         damaged: Files of different size or content.
-        unlisted: Files of scenes whose list of files is lost, by scene.
+        faults: Unreadable lines of the journal. Only the scenes of the other lines were compared.
+        unlisted: Files of scenes whose list of files or line of the journal is lost, by scene.
         foreign: Other files that no list names.
         links: Links in the folder, with their targets.
         linked: Listed files that are links or behind one, and were not compared.
@@ -263,6 +264,7 @@ class Verification:
     files: int
     missing: list[str]
     damaged: list[str]
+    faults: list[str]
     unlisted: dict[int, list[str]]
     foreign: list[str]
     links: dict[str, str]
