@@ -65,9 +65,17 @@ fn fault(found: &Verified) -> Error {
         Error::new("the dataset lists foreign files")
             .help("do not run or merge it: another person or program changed it")
     } else if !found.linked.is_empty() {
-        Error::new(format!("{} not compared, because of links", count(found.linked.len() as u32, "file"))).help(
-            "replace the links by their files, as `cp -rL` does, or let `syntable run --repair` make the files again",
-        )
+        let is_link = |path: &String| found.links.binary_search_by(|(link, _)| link.cmp(path)).is_ok();
+        let help = match found.linked.iter().all(is_link) {
+            true => {
+                "replace the links by their files, as `cp -rL` does, or let `syntable run --repair` make the files again"
+            }
+            // A run writes nothing behind a link.
+            false => {
+                "replace each linked folder by the folder itself: `cp -rL` copies the dataset with it, or a mount keeps it on another disk"
+            }
+        };
+        Error::new(format!("{} not compared, because of links", count(found.linked.len() as u32, "file"))).help(help)
     } else if found.missing.is_empty() && found.damaged.is_empty() && found.faults.is_empty() {
         Error::new("the last run did not end").help("run the same command again")
     } else {
@@ -81,7 +89,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_damaged_journal_is_repaired() {
+    fn the_remedy_of_a_link_is_one_that_works() {
+        let of = |link: &str| {
+            let found = Verified {
+                links: vec![("a".into(), "/x".into()), (link.into(), "/y".into())],
+                linked: vec!["lines/0.json".into(), "lines/1.json".into()],
+                ..Verified::default()
+            };
+            fault(&found).to_string()
+        };
+        // A run writes nothing behind a linked folder.
+        let folder = of("lines");
+        assert!(folder.contains("2 files not compared") && folder.contains("cp -rL"), "{folder}");
+        assert!(folder.contains("mount") && !folder.contains("--repair") && !of("lines/0.json").contains("--repair"));
+        let links = ["lines/0.json", "lines/1.json"].map(|link| (link.to_owned(), "/y".to_owned())).to_vec();
+        let files =
+            Verified { linked: links.iter().map(|(link, _)| link.clone()).collect(), links, ..Verified::default() };
+        assert!(fault(&files).to_string().contains("--repair"));
         let lines = Verified { faults: vec!["line 2".into()], unfinished: true, ..Verified::default() };
         assert!(fault(&lines).to_string().contains("--repair"));
     }
