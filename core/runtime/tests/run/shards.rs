@@ -63,10 +63,14 @@ fn missing_doubled_and_other_shards_are_refused() {
     };
     let [one, two, three] = [0, 1, 2].map(|index| part("a", index, 3));
     let (copy, half) = (part("b", 1, 3), part("c", 0, 2));
+    let dotted = at("b/../a.shards/1-of-3");
+    fs::create_dir(at("b")).expect("writable");
     for (parts, expected) in [
         (vec![&one, &three], "shard 1/3 is missing"),
         (vec![&two], "shards 0/3, 2/3 are missing"),
         (vec![&one, &two, &copy, &three], "are both shard 1/3"),
+        (vec![&one, &two, &two, &three], "1-of-3 is given twice"),
+        (vec![&one, &two, &dotted, &three], "are the same folder"),
         (vec![&one, &half], "is shard 0/3, and"),
     ] {
         let parts: Vec<PathBuf> = parts.into_iter().cloned().collect();
