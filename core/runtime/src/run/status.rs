@@ -18,7 +18,7 @@ use syntable_model::store::StoreFolder;
 pub struct Status {
     /// Each dataset.
     pub datasets: Vec<DatasetStatus>,
-    /// Shards that are in no folder, as `3/10`.
+    /// Shards that are in no folder, as `3/10`; empty if the folder of one shard is the only one named.
     pub missing_shards: Vec<String>,
     /// All datasets, and the scenes of missing shards, together.
     pub total: Progress,
@@ -87,7 +87,9 @@ pub fn status(named: &[StoreFolder]) -> Result<Status> {
         total.add(&state.progress);
         datasets.push(state);
     }
-    let missing = missing_shards(&shards);
+    // The folder of one shard says nothing about the folders of the others.
+    let is_alone = matches!((named, &*datasets), ([named], [one]) if one.dataset == named.name());
+    let missing = if is_alone { Vec::new() } else { missing_shards(&shards) };
     for (shard, scenes) in &missing {
         let lacking = shard.scenes(*scenes).count() as u32;
         total.scenes += lacking;

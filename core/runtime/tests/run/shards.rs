@@ -143,6 +143,12 @@ fn the_status_counts_scenes_of_shards() {
     let hold = part.lock(&DatasetPath::new(".syntable/lock").expect("a path"), Access::Write).expect("lockable");
     assert!(hold.is_some() && all().datasets[0].running && !all().datasets[0].finished);
     drop(hold);
+    // A shard alone is done when its own scenes are.
+    let alone = status(std::slice::from_ref(&part)).expect("a status");
+    assert!(alone.missing_shards.is_empty() && alone.datasets[0].shard.as_deref() == Some("0/3"));
+    assert_eq!((alone.total.scenes, alone.total.done, alone.total.missing), (2, 2, 0));
+    let two = status(&[part.clone(), shard_options(&dataset, 2, 3).out]).expect("a status");
+    assert_eq!((&*two.missing_shards, two.total.scenes), (&["1/3".to_owned()][..], 5));
     // A journal with a damaged last line.
     let journal = part.local().expect("a folder").join(".syntable/journal.jsonl");
     let text = fs::read_to_string(&journal).expect("there");

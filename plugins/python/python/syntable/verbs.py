@@ -213,7 +213,8 @@ class Status:
 
     Attributes:
         datasets: Each dataset.
-        missing_shards: Shards that are in no folder, such as ``3/10``.
+        missing_shards: Shards that are in no folder, such as ``3/10``; empty if the folder of one shard is the only one
+            named.
         total: All datasets and missing shards together.
     """
 
