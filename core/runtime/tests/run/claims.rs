@@ -5,6 +5,7 @@ use crate::kit::{run, run_with};
 use std::collections::BTreeMap;
 use std::fs;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 use syntable_model::error::Error;
@@ -12,7 +13,8 @@ use syntable_model::files::DatasetPath;
 use syntable_model::random::Stream;
 use syntable_model::store::{MemStore, StoreFolder};
 use syntable_runtime::cache::DiskCache;
-use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::run::progress::{Event, Quiet, Reporter};
+use syntable_runtime::run::stop::Stop;
 use syntable_runtime::run::{ClaimOptions, RunOptions, status, verify};
 use syntable_testing::folder::{files, files_of_store as files_of};
 
@@ -171,6 +173,35 @@ fn workers_exclude_runs_and_other_recipes() {
     assert!(
         fs::read_dir(out.join(".syntable")).expect("there").all(|entry| entry.expect("there").file_name() != "staging")
     );
+}
+
+/// Ends a worker after some time of its work.
+fn stop_soon(text: &str, out: &StoreFolder, made: &AtomicU32) -> Error {
+    struct Stopping<'a>(Stop, &'a AtomicU32);
+    impl Reporter for Stopping<'_> {
+        fn event(&self, event: &Event) {
+            if matches!(event, Event::Scene { .. }) && self.1.fetch_add(1, Ordering::Relaxed) == 1 {
+                self.0.cancel();
+            }
+        }
+    }
+    let options = options(out.clone(), 1);
+    let stopping = Stopping(options.stop.clone(), made);
+    run_with(text, options, &stopping).expect_err("stopped")
+}
+
+#[test]
+fn a_worker_that_is_stopped_counts_the_scenes_of_all() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for out in [StoreFolder::from(folder.path().join("data")), Arc::new(MemStore::remote()).into()] {
+        run_with(&recipe(20), RunOptions { scenes: Some(0..5), ..options(out.clone(), 1) }, &Quiet).expect("five");
+        let made = AtomicU32::new(0);
+        let error = stop_soon(&recipe(20), &out, &made).to_string();
+        let done = status(std::slice::from_ref(&out)).expect("a dataset").total.done;
+        assert!((7..20).contains(&done), "{done}");
+        let says = format!("stopped by its caller: all workers together have done {done} of 20 scenes (the same");
+        assert!(error.contains(&says), "{error}");
+    }
 }
 
 /// Number of rounds of random faults. `CLAIM_ROUNDS=200` takes three minutes.
