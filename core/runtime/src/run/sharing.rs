@@ -10,6 +10,7 @@ use crate::run::dataset::ending::is_finished;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, SceneLine};
 use crate::run::dataset::layout;
+use crate::run::dataset::vanished::check_remains;
 use crate::run::decisions::growth::Growth;
 use crate::run::decisions::inputs;
 use crate::run::decisions::opening::{self, Begun, CheckedRun};
@@ -72,6 +73,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, claim: ClaimOptions, reporter:
             });
             return Ok(outcome);
         }
+        check_remains(&options.out)?;
         if let Some(outcome) = run_in(recipe, &alone, &end, &Times::default(), &open)? {
             return Ok(outcome);
         }
@@ -121,7 +123,8 @@ fn make(
     if let Err(error) = made {
         return Err(match options.stop.requested() {
             Some(reason) => stopped(recipe, options, reason).unwrap_or(error),
-            None => error,
+            // A store may also refuse to write where a worker's own files are gone.
+            None => check_remains(&options.out).err().unwrap_or(error),
         });
     }
     dropped?;

@@ -156,5 +156,11 @@ fn the_status_counts_scenes_of_shards() {
     let found = all();
     assert!(!found.datasets[0].finished && found.datasets[0].faults[0].contains("line 2"));
     assert_eq!(found.total.missing, 3);
+    // The files are deleted, and a worker still writes a line.
+    fs::remove_file(part.local().expect("a folder").join("recipe.toml")).expect("there");
+    let error = status(std::slice::from_ref(&part)).expect_err("vanished").to_string();
+    assert!(error.contains("the dataset vanished") && error.contains("0-of-3") && error.contains("restore"), "{error}");
+    fs::remove_file(&journal).expect("there");
+    assert_eq!(status(&[part]).expect("a run that has begun").total.scenes, 0);
     assert!(status(&[folder.path().into()]).is_err_and(|error| error.to_string().contains("no dataset")));
 }
