@@ -63,7 +63,7 @@ pub use text::code::Code;
 pub use text::diagnostic::{Diagnostic, Label, Severity};
 pub use text::fix::{Fix, diff, fixed};
 pub use text::message;
-pub use text::origin::{BUILTINS, Builtin, Source};
+pub use text::origin::{BUILTINS, Builtin, PREFIX as BUILTIN_PREFIX, Source};
 pub use text::report::Report;
 pub use text::source::SourceFile;
 pub use text::suggest::nearest;

@@ -36,6 +36,8 @@ fn fields<'py>(py: Python<'py>, error: &Error) -> PyResult<Bound<'py, PyDict>> {
     let line = if let Some(Place::Line(line)) = error.place() { Some(line) } else { None };
     fields.set_item("line", line)?;
     fields.set_item("help", error.help_text().map(with_arguments))?;
+    // As the exit code of a command.
+    fields.set_item("temporary", !error.is_permanent())?;
     Ok(fields)
 }
 
@@ -48,7 +50,7 @@ fn of_report(py: Python<'_>, report: &Report) -> PyResult<PyErr> {
     let Some(diagnostics) = diagnostics(py, report.iter())? else {
         // The recipe could not be read.
         return match &report.other {
-            Some(error) => made(py, error),
+            Some(error) => made(py, &error.clone().of_request()),
             None => made(py, &Error::new(report.to_string())),
         };
     };

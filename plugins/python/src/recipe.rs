@@ -69,7 +69,7 @@ impl Recipe {
     /// The recipe in a file, or `builtin:NAME`.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let source = Source::read(path).map_err(|error| exception(py, &error))?;
+        let source = Source::read(path).map_err(|error| exception(py, &error.of_request()))?;
         Ok(Self { source, changes: Vec::new() })
     }
 

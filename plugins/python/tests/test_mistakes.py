@@ -228,6 +228,25 @@ def test_pickle_works_or_says_why(small, dataset):
         stream.close()
 
 
+def test_an_error_says_whether_the_same_call_may_succeed_later(small, data, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "mine.txt").touch()
+    shutil.copytree(data, tmp_path / "copy")
+    opened = st.open(tmp_path / "copy")
+    shutil.rmtree(tmp_path / "copy")
+    for call, temporary in [
+        (lambda: st.Recipe(tmp_path / "missing.toml"), False),
+        (lambda: st.run(small.set("dataset.scens", 3), tmp_path / "new"), False),
+        (lambda: st.run(small, tmp_path / "mine"), False),
+        # A disk with the folder may be mounted again.
+        (lambda: opened[0].rgb, True),
+    ]:
+        with pytest.raises(st.SyntableError) as raised:
+            call()
+        assert raised.value.temporary == temporary, raised.value
+        assert pickle.loads(pickle.dumps(raised.value)).temporary == temporary
+
+
 def test_a_sample_keeps_what_it_read_when_the_folder_is_gone(data, tmp_path):
     shutil.copytree(data, tmp_path / "copy")
     opened = st.open(tmp_path / "copy")

@@ -176,7 +176,35 @@ def test_a_worker_that_always_fails_is_given_up(cluster, recipe, tmp_path, monke
     with pytest.raises(st.SyntableError, match="data"):
         on_ray.run(recipe, folder, workers=2, progress=events.append)
     warned = [event["message"] for event in events if event["event"] == "message"]
-    assert len(warned) == 8 and sum("is given up after 4 failures" in text for text in warned) == 2
+    # No retry mends the folder, and the remedy names the function that has the argument.
+    assert len(warned) == 2 and all("is given up:" in text for text in warned)
+
+
+def test_only_failures_that_may_pass_are_tried_again():
+    events = []
+    team = _running.Team.__new__(_running.Team)
+    team._waiting, team._heard = [], events.append
+    full, refused = _running.Worker(0), _running.Worker(1)
+    for failure in range(1, 5):
+        team._failed(full, st.SyntableError("disk full", temporary=True), "here")
+        assert team._waiting == [full] * min(failure, 3)
+    team._failed(refused, st.SyntableError("refused"), "there")
+    assert refused not in team._waiting
+    warned = [event["message"] for event in events]
+    assert sum("starts again" in text for text in warned) == 3 and "after 4 failures: disk full" in warned[3]
+    assert warned[4] == "worker 1 on there is given up: refused"
+    mistake = st.Diagnostic("D0003", "error", "wrong", None, None, None)
+    with pytest.raises(st.RecipeError):
+        team._failed(refused, st.RecipeError("wrong", diagnostics=[mistake]), "there")
+
+
+def test_advice_names_the_function_of_an_argument():
+    text = "replace it with `overwrite=True`, or keep `claim` and `scenes`"
+    error = _running.worded(st.SyntableError(f"a: {text}", message="run once without `claim`", help=text, temporary=True))
+    assert "`overwrite=True` of `st.run`, or keep `claim` and `scenes`" in str(error)
+    assert error.help == "replace it with `overwrite=True` of `st.run`, or keep `claim` and `scenes`"
+    assert error.message == "run once without `claim`, by `st.run`" and error.temporary
+    assert pickle.loads(pickle.dumps(error)).temporary
 
 
 def test_workers_fill_the_nodes():

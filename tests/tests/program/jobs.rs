@@ -135,7 +135,12 @@ fn a_slurm_array_that_loses_a_task_makes_the_dataset_of_one_run() {
     std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_syntable-under-test"), folder.path().join("bin/syntable"))
         .expect("a link");
     let script = folder.path().join("job.sbatch");
-    ok(syntable().args(["new", "slurm"]).arg(&script).args(["--shards", "3", "--out"]).arg(&out));
+    ok(syntable()
+        .current_dir(folder.path())
+        .args(["new", "slurm"])
+        .arg(&script)
+        .args(["--shards", "3", "--out"])
+        .arg(&out));
     let text = fs::read_to_string(&script).expect("there");
     let small = text.replace("--cpus-per-task=8", "--cpus-per-task=1").replace("--mem=16G", "--mem=500M");
     fs::write(&script, small.replace("--time=04:00:00", "--time=5")).expect("writable");
@@ -171,7 +176,15 @@ fn a_slurm_array_that_loses_a_task_makes_the_dataset_of_one_run() {
 fn kubernetes_accepts_the_job() {
     let folder = tempfile::tempdir().expect("a folder");
     let job = folder.path().join("job");
-    ok(syntable().args(["new", "kubernetes"]).arg(&job).args(["--shards", "7", "--out", "/data/a \"b\""]));
+    let new = |out: &str| {
+        let mut command = syntable();
+        command.args(["new", "kubernetes"]).arg(&job).args(["--recipe", "builtin:quickstart", "--shards", "7"]);
+        command.args(["--out", out]);
+        command
+    };
+    let lost = new("data/mine").output().expect("starts");
+    assert!(lost.status.code() == Some(2) && !job.exists(), "{}", crate::support::text(&lost));
+    ok(&mut new("/data/a \"b\""));
     for name in ["Dockerfile", ".dockerignore"] {
         assert!(job.join(name).exists(), "{name}");
     }
@@ -191,7 +204,8 @@ fn kubernetes_accepts_the_job() {
 fn skypilot_accepts_the_task() {
     let folder = tempfile::tempdir().expect("a folder");
     let task = folder.path().join("job.yaml");
-    ok(syntable().args(["new", "skypilot"]).arg(&task).args(["--out", "s3://bucket/it's mine", "--workers", "7"]));
+    let out = ["--recipe", "builtin:quickstart", "--out", "s3://bucket/it's mine", "--workers", "7"];
+    ok(syntable().args(["new", "skypilot"]).arg(&task).args(out));
     let validate = || {
         let code = "import sys, sky; task = sky.Task.from_yaml(sys.argv[1]); print(task.run, task.resources)";
         let mut command = Command::new("skypilot-python");

@@ -175,7 +175,7 @@ pub(crate) fn new(console: &Console, registry: &Registry, args: &NewArgs, progra
             console.print(&format!("wrote {folder}\nnext: cd {folder} && cargo run --release -- {show}\n"))
         }
         What::Slurm { file, job } => {
-            let text = job.slurm(&file.display().to_string()).map_err(Exit::wrong)?;
+            let text = job.slurm(file).map_err(Exit::wrong)?;
             create(file, &text)?;
             let file = file.display();
             console.print(&format!(
@@ -183,7 +183,7 @@ pub(crate) fn new(console: &Console, registry: &Registry, args: &NewArgs, progra
             ))
         }
         What::Skypilot { file, job } => {
-            let text = job.skypilot(&file.display().to_string()).map_err(Exit::wrong)?;
+            let text = job.skypilot(file).map_err(Exit::wrong)?;
             create(file, &text)?;
             let file = file.display();
             console.print(&format!(

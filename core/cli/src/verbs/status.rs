@@ -10,7 +10,7 @@ use syntable_model::store::StoreFolder;
 use syntable_recipe::message::Message;
 use syntable_runtime::run;
 use syntable_runtime::run::progress::{clock, count};
-use syntable_runtime::run::{DatasetStatus, Progress};
+use syntable_runtime::run::{DatasetStatus, Progress, Status};
 
 #[derive(Args)]
 pub(crate) struct StatusArgs {
@@ -30,13 +30,7 @@ pub(crate) fn status(console: &Console, args: &StatusArgs) -> Result<(), Exit> {
             serde_json::to_string_pretty(&found).map_err(|error| Exit::stopped(Error::new(error.to_string())))?;
         console.print(&format!("{text}\n"))?;
     } else {
-        let mut rows: Vec<[String; 3]> = found.datasets.iter().map(row).collect();
-        rows.extend(
-            found.missing_shards.iter().map(|shard| [format!("shard {shard}"), "no folder".into(), String::new()]),
-        );
-        if rows.len() > 1 {
-            rows.push(["all".into(), String::new(), text_of(&found.total)]);
-        }
+        let rows = rows(&found);
         let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or_default();
         let (first, second) = (width(0), width(1));
         let line = |[name, state, text]: &[String; 3]| {
@@ -51,8 +45,24 @@ pub(crate) fn status(console: &Console, args: &StatusArgs) -> Result<(), Exit> {
             Message::Error(Error::new(format!("the journal is damaged: {fault}")).in_file(dataset).help(help))
         }));
     }
-    let is_whole = found.datasets.iter().all(|dataset| dataset.finished) && found.total.done == found.total.scenes;
-    if is_whole && messages.is_empty() { Ok(()) } else { Err(Exit { code: 3, messages }) }
+    if is_whole(&found) && messages.is_empty() { Ok(()) } else { Err(Exit { code: 3, messages }) }
+}
+
+fn is_whole(found: &Status) -> bool {
+    found.datasets.iter().all(|dataset| dataset.finished) && found.total.done == found.total.scenes
+}
+
+/// The rows of the table: name, state, and counts.
+fn rows(found: &Status) -> Vec<[String; 3]> {
+    let mut rows: Vec<[String; 3]> = found.datasets.iter().map(row).collect();
+    rows.extend(found.missing_shards.iter().map(|shard| [format!("shard {shard}"), "no folder".into(), String::new()]));
+    match (&mut *rows, &*found.datasets) {
+        // The other shards are elsewhere.
+        ([[_, _, text]], [DatasetStatus { shard: Some(shard), .. }]) => *text = format!("shard {shard}: {text}"),
+        ([_], _) => {}
+        _ => rows.push(["all".into(), String::new(), text_of(&found.total)]),
+    }
+    rows
 }
 
 fn row(dataset: &DatasetStatus) -> [String; 3] {
@@ -79,4 +89,30 @@ fn text_of(progress: &Progress) -> String {
         text += &format!(", {} left", clock(left));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_finished_shard_alone_is_done() {
+        let progress = Progress { scenes: 8, done: 8, images: 40, ..Progress::default() };
+        let one = DatasetStatus {
+            dataset: "mine.shards/1-of-3".into(),
+            shard: Some("1/3".into()),
+            running: false,
+            finished: true,
+            progress,
+            faults: Vec::new(),
+        };
+        let mut found = Status { datasets: vec![one.clone()], missing_shards: Vec::new(), total: progress };
+        assert_eq!(rows(&found), [["mine.shards/1-of-3", "finished", "shard 1/3: 8 of 8 scenes done, 40 images"]]);
+        assert!(is_whole(&found));
+        found.missing_shards = vec!["0/3".into(), "2/3".into()];
+        found.total = Progress { scenes: 24, missing: 16, ..progress };
+        let rows = rows(&found);
+        assert_eq!((rows[0][2].as_str(), rows[1][0].as_str()), ("8 of 8 scenes done, 40 images", "shard 0/3"));
+        assert!(rows.len() == 4 && rows[3][0] == "all" && !is_whole(&found));
+    }
 }

@@ -57,7 +57,7 @@ impl Source {
 }
 
 /// Prefix of the name of an embedded recipe, in places that also accept a path.
-pub(crate) const PREFIX: &str = "builtin:";
+pub const PREFIX: &str = "builtin:";
 
 /// A recipe that is part of the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -182,8 +182,6 @@ fn adopt_all(
 /// Refuses a dataset that is also named as a part, since it would be opened twice, and folders inside each other, since
 /// the files of one would be foreign to the other.
 fn is_apart(out: &StoreFolder, parts: &[StoreFolder]) -> Result<()> {
-    // A missing folder belongs to its first existing ancestor.
-    let plain = |folder: &StoreFolder| folder.local().map_or_else(|| folder.clone(), |path| whole(&path).into());
     let out = plain(out);
     for part in parts {
         let there = plain(part);
@@ -205,6 +203,16 @@ fn is_apart(out: &StoreFolder, parts: &[StoreFolder]) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// A folder by its path without links. A missing folder belongs to its first existing ancestor.
+fn plain(folder: &StoreFolder) -> StoreFolder {
+    folder.local().map_or_else(|| folder.clone(), |path| whole(&path).into())
+}
+
+fn is_same_folder(one: &StoreFolder, other: &StoreFolder) -> bool {
+    let (one, other) = (plain(one), plain(other));
+    one.contains(&other) && other.contains(&one)
 }
 
 /// A dataset, or the datasets in a folder, such as the shards of a job, by name.
@@ -242,7 +250,12 @@ fn all_shards(parts: &[MergePart], scenes: u32, has: &dyn Fn(u32) -> bool) -> Re
             return Err(Error::new(message).help("merge shards of one division"));
         }
         if let Some(other) = found.insert(shard.index, part) {
-            let message = format!("{} and {} are both shard {shard}", name(other), name(part));
+            let (one, two) = (name(other), name(part));
+            let message = match is_same_folder(other.folder.files(), part.folder.files()) {
+                true if one == two => format!("the part {one} is given twice"),
+                true => format!("the parts {one} and {two} are the same folder"),
+                false => format!("{one} and {two} are both shard {shard}"),
+            };
             return Err(Error::new(message).help("name each shard once"));
         }
     }

@@ -8,8 +8,9 @@ use crate::pools::AssetStore;
 use crate::run::dataset::claims::{ClaimOptions, Claims};
 use crate::run::dataset::ending::is_finished;
 use crate::run::dataset::folder::Folder;
-use crate::run::dataset::journal::Journal;
+use crate::run::dataset::journal::{Journal, SceneLine};
 use crate::run::dataset::layout;
+use crate::run::dataset::vanished::check_remains;
 use crate::run::decisions::growth::Growth;
 use crate::run::decisions::inputs;
 use crate::run::decisions::opening::{self, Begun, CheckedRun};
@@ -17,8 +18,8 @@ use crate::run::making::scenes;
 use crate::run::making::times::Times;
 use crate::run::options::RunOptions;
 use crate::run::outcome::RunOutcome;
-use crate::run::progress::{Event, Guarded, Once, Quiet, Reporter, Warnings};
-use crate::run::stop::Stop;
+use crate::run::progress::{Event, Guarded, Once, Quiet, Reporter, Warnings, count};
+use crate::run::stop::{Stop, StopReason};
 use crate::run::{finish, run_in};
 use crate::workers::Pool;
 use parking_lot::Mutex;
@@ -72,6 +73,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, claim: ClaimOptions, reporter:
             });
             return Ok(outcome);
         }
+        check_remains(&options.out)?;
         if let Some(outcome) = run_in(recipe, &alone, &end, &Times::default(), &open)? {
             return Ok(outcome);
         }
@@ -118,9 +120,27 @@ fn make(
     let made = scenes::make_scenes(recipe, options, &counted, &assets, (&pool, &times), (&folder, &journal), work);
     drop(claims);
     let dropped = folder.drop_parts();
-    made?;
+    if let Err(error) = made {
+        return Err(match options.stop.requested() {
+            Some(reason) => stopped(recipe, options, reason).unwrap_or(error),
+            // A store may also refuse to write where a worker's own files are gone.
+            None => check_remains(&options.out).err().unwrap_or(error),
+        });
+    }
     dropped?;
     Ok(counted.images.into_inner())
+}
+
+/// The error of a worker that was asked to stop: it counts the scenes of all workers.
+fn stopped(recipe: &Recipe, options: &RunOptions, reason: StopReason) -> Result<Error> {
+    let wanted = options.wanted(recipe.dataset.scenes)?;
+    let entries = Journal::entries_of(&options.out)?;
+    let (failed, done): (Vec<_>, Vec<_>) =
+        entries.iter().filter(|line| wanted.has(line.scene)).partition(SceneLine::failed);
+    let failed = if failed.is_empty() { String::new() } else { format!(", {} failed", failed.len()) };
+    let all = count(wanted.count(), "scene");
+    Ok(Error::stopped(format!("stopped by {reason}: all workers together have done {} of {all}{failed}", done.len()))
+        .help("the same command goes on from there"))
 }
 
 /// Opens the dataset beside other workers. Writes the recipe first, while no other worker has the dataset, if the dataset has

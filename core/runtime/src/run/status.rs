@@ -5,6 +5,7 @@ use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, LatestLines, SceneLine};
 use crate::run::dataset::layout;
 use crate::run::dataset::locking::is_busy;
+use crate::run::dataset::vanished::vanished;
 use crate::run::merge::datasets_in;
 use crate::run::shard::Shard;
 use serde::Serialize;
@@ -18,7 +19,7 @@ use syntable_model::store::StoreFolder;
 pub struct Status {
     /// Each dataset.
     pub datasets: Vec<DatasetStatus>,
-    /// Shards that are in no folder, as `3/10`.
+    /// Shards that are in no folder, as `3/10`; empty if the folder of one shard is the only one named.
     pub missing_shards: Vec<String>,
     /// All datasets, and the scenes of missing shards, together.
     pub total: Progress,
@@ -87,7 +88,9 @@ pub fn status(named: &[StoreFolder]) -> Result<Status> {
         total.add(&state.progress);
         datasets.push(state);
     }
-    let missing = missing_shards(&shards);
+    // The folder of one shard says nothing about the folders of the others.
+    let is_alone = matches!((named, &*datasets), ([named], [one]) if one.dataset == named.name());
+    let missing = if is_alone { Vec::new() } else { missing_shards(&shards) };
     for (shard, scenes) in &missing {
         let lacking = shard.scenes(*scenes).count() as u32;
         total.scenes += lacking;
@@ -130,7 +133,11 @@ fn of_dataset(dataset: &StoreFolder) -> Result<(DatasetStatus, Option<(Shard, u3
     let running = is_busy(dataset)?;
     let LatestLines { entries, order, faults } = Journal::latest(dataset, RECENT)?;
     let shard = Shard::of_dataset(dataset)?;
-    let scenes = scenes_of_recipe(dataset)?;
+    let scenes = match scenes_of_recipe(dataset)? {
+        Some(scenes) => scenes,
+        None if entries.is_empty() => 0,
+        None => return Err(vanished(dataset)),
+    };
     let failed = entries.iter().filter(SceneLine::failed).count() as u32;
     let own = shard.unwrap_or(Shard::WHOLE).scenes(scenes);
     let missing = own.clone().filter(|scene| !entries.contains(*scene)).count() as u32;
@@ -155,16 +162,16 @@ fn of_dataset(dataset: &StoreFolder) -> Result<(DatasetStatus, Option<(Shard, u3
     Ok((state, shard.map(|shard| (shard, scenes))))
 }
 
-/// Number of scenes of a dataset's recipe; 0 if a run has begun and not yet written the recipe.
-fn scenes_of_recipe(dataset: &StoreFolder) -> Result<u32> {
+/// Number of scenes of a dataset's recipe; none if a run has begun and not yet written the recipe.
+fn scenes_of_recipe(dataset: &StoreFolder) -> Result<Option<u32>> {
     let path = layout::recipe();
     let text = foreign::read(dataset, &path)?;
     if text.is_empty() {
-        return Ok(0);
+        return Ok(None);
     }
     let table: Option<toml::Table> = toml::from_str(&String::from_utf8_lossy(&text)).ok();
     let scenes = table.as_ref().and_then(|table| table.get("dataset")?.get("scenes")?.as_integer());
-    scenes.and_then(|scenes| u32::try_from(scenes).ok()).ok_or_else(|| {
+    scenes.and_then(|scenes| u32::try_from(scenes).ok()).map(Some).ok_or_else(|| {
         Error::new("the recipe of the dataset has no `dataset.scenes`")
             .in_file(dataset.name_of(&path))
             .help("restore the file, or run with its recipe, `options.out` and `options.repair`")

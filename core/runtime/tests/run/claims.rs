@@ -5,6 +5,7 @@ use crate::kit::{run, run_with};
 use std::collections::BTreeMap;
 use std::fs;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 use syntable_model::error::Error;
@@ -12,7 +13,8 @@ use syntable_model::files::DatasetPath;
 use syntable_model::random::Stream;
 use syntable_model::store::{MemStore, StoreFolder};
 use syntable_runtime::cache::DiskCache;
-use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::run::progress::{Event, Quiet, Reporter};
+use syntable_runtime::run::stop::Stop;
 use syntable_runtime::run::{ClaimOptions, RunOptions, status, verify};
 use syntable_testing::folder::{files, files_of_store as files_of};
 
@@ -171,6 +173,58 @@ fn workers_exclude_runs_and_other_recipes() {
     assert!(
         fs::read_dir(out.join(".syntable")).expect("there").all(|entry| entry.expect("there").file_name() != "staging")
     );
+}
+
+/// Counts the scenes that a worker makes, and stops it after some of them.
+struct Counting {
+    made: AtomicU32,
+    stop: Option<(u32, Stop)>,
+}
+
+impl Reporter for Counting {
+    fn event(&self, event: &Event) {
+        if matches!(event, Event::Scene { .. }) {
+            let made = self.made.fetch_add(1, Ordering::Relaxed) + 1;
+            self.stop.iter().filter(|(after, _)| made == *after).for_each(|(_, stop)| stop.cancel());
+        }
+    }
+}
+
+#[test]
+fn a_worker_that_is_stopped_counts_the_scenes_of_all() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for out in [StoreFolder::from(folder.path().join("data")), Arc::new(MemStore::remote()).into()] {
+        run_with(&recipe(20), RunOptions { scenes: Some(0..5), ..options(out.clone(), 1) }, &Quiet).expect("five");
+        let options = options(out.clone(), 1);
+        let worker = Counting { made: AtomicU32::new(0), stop: Some((2, options.stop.clone())) };
+        let error = run_with(&recipe(20), options, &worker).expect_err("stopped").to_string();
+        let done = status(std::slice::from_ref(&out)).expect("a dataset").total.done;
+        assert!((7..20).contains(&done), "{done}");
+        let says = format!("stopped by its caller: all workers together have done {done} of 20 scenes (the same");
+        assert!(error.contains(&says), "{error}");
+    }
+}
+
+/// All files of a dataset are deleted under a worker.
+#[test]
+fn a_worker_names_a_dataset_that_vanished() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = recipe(200).replace("sleep_ms = 2", "sleep_ms = 50");
+    for out in [StoreFolder::from(folder.path().join("data")), Arc::new(MemStore::remote()).into()] {
+        let worker = Counting { made: AtomicU32::new(0), stop: None };
+        let error = thread::scope(|threads| {
+            let works = threads.spawn(|| run_with(&text, options(out.clone(), 1), &worker));
+            while !works.is_finished() && !out.has(".syntable/journal").expect("readable") {
+                thread::sleep(Duration::from_millis(5));
+            }
+            out.remove_all(&DatasetPath::new("recipe.toml").expect("a path")).expect("removable");
+            // The worker may write a file meanwhile.
+            let _ = out.remove_all(&DatasetPath::new(".syntable").expect("a path"));
+            works.join().expect("no panic").expect_err("vanished").to_string()
+        });
+        assert!(error.contains("the dataset vanished") && error.contains("another program deleted"), "{error}");
+        assert!(worker.made.into_inner() < 150, "it made the other scenes");
+    }
 }
 
 /// Number of rounds of random faults. `CLAIM_ROUNDS=200` takes three minutes.

@@ -63,10 +63,14 @@ fn missing_doubled_and_other_shards_are_refused() {
     };
     let [one, two, three] = [0, 1, 2].map(|index| part("a", index, 3));
     let (copy, half) = (part("b", 1, 3), part("c", 0, 2));
+    let dotted = at("b/../a.shards/1-of-3");
+    fs::create_dir(at("b")).expect("writable");
     for (parts, expected) in [
         (vec![&one, &three], "shard 1/3 is missing"),
         (vec![&two], "shards 0/3, 2/3 are missing"),
         (vec![&one, &two, &copy, &three], "are both shard 1/3"),
+        (vec![&one, &two, &two, &three], "1-of-3 is given twice"),
+        (vec![&one, &two, &dotted, &three], "are the same folder"),
         (vec![&one, &half], "is shard 0/3, and"),
     ] {
         let parts: Vec<PathBuf> = parts.into_iter().cloned().collect();
@@ -139,6 +143,12 @@ fn the_status_counts_scenes_of_shards() {
     let hold = part.lock(&DatasetPath::new(".syntable/lock").expect("a path"), Access::Write).expect("lockable");
     assert!(hold.is_some() && all().datasets[0].running && !all().datasets[0].finished);
     drop(hold);
+    // A shard alone is done when its own scenes are.
+    let alone = status(std::slice::from_ref(&part)).expect("a status");
+    assert!(alone.missing_shards.is_empty() && alone.datasets[0].shard.as_deref() == Some("0/3"));
+    assert_eq!((alone.total.scenes, alone.total.done, alone.total.missing), (2, 2, 0));
+    let two = status(&[part.clone(), shard_options(&dataset, 2, 3).out]).expect("a status");
+    assert_eq!((&*two.missing_shards, two.total.scenes), (&["1/3".to_owned()][..], 5));
     // A journal with a damaged last line.
     let journal = part.local().expect("a folder").join(".syntable/journal.jsonl");
     let text = fs::read_to_string(&journal).expect("there");
@@ -146,5 +156,11 @@ fn the_status_counts_scenes_of_shards() {
     let found = all();
     assert!(!found.datasets[0].finished && found.datasets[0].faults[0].contains("line 2"));
     assert_eq!(found.total.missing, 3);
+    // The files are deleted, and a worker still writes a line.
+    fs::remove_file(part.local().expect("a folder").join("recipe.toml")).expect("there");
+    let error = status(std::slice::from_ref(&part)).expect_err("vanished").to_string();
+    assert!(error.contains("the dataset vanished") && error.contains("0-of-3") && error.contains("restore"), "{error}");
+    fs::remove_file(&journal).expect("there");
+    assert_eq!(status(&[part]).expect("a run that has begun").total.scenes, 0);
     assert!(status(&[folder.path().into()]).is_err_and(|error| error.to_string().contains("no dataset")));
 }

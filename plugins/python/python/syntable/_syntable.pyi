@@ -39,6 +39,7 @@ __all__ = [
     "report",
     "run",
     "stats",
+    "status",
     "validate",
     "verify",
     "__version__",

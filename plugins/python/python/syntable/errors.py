@@ -16,6 +16,8 @@ class SyntableError(Exception):
         file: The file at fault, if any.
         line: Its line, from 1, if known.
         help: The remedy, if known.
+        temporary: Whether the same call may succeed later, as after a failure of the network or a full disk: the command would
+            end with exit code 1. False for mistakes in the call, the recipe or the dataset.
     """
 
     def __init__(
@@ -26,12 +28,14 @@ class SyntableError(Exception):
         file: str | None = None,
         line: int | None = None,
         help: str | None = None,
+        temporary: bool = False,
     ) -> None:
         super().__init__(text)
         self.message = text if message is None else message
         self.file = file
         self.line = line
         self.help = help
+        self.temporary = temporary
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (_again, (type(self), self.args, self.__dict__.copy()))

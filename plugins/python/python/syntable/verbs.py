@@ -213,7 +213,8 @@ class Status:
 
     Attributes:
         datasets: Each dataset.
-        missing_shards: Shards that are in no folder, such as ``3/10``.
+        missing_shards: Shards that are in no folder, such as ``3/10``; empty if the folder of one shard is the only one
+            named.
         total: All datasets and missing shards together.
     """
 
@@ -249,7 +250,8 @@ class Verification:
         files: Number of compared files.
         missing: Missing files.
         damaged: Files of different size or content.
-        unlisted: Files of scenes whose list of files is lost, by scene.
+        faults: Unreadable lines of the journal. Only the scenes of the other lines were compared.
+        unlisted: Files of scenes whose list of files or line of the journal is lost, by scene.
         foreign: Other files that no list names.
         links: Links in the folder, with their targets.
         linked: Listed files that are links or behind one, and were not compared.
@@ -263,6 +265,7 @@ class Verification:
     files: int
     missing: list[str]
     damaged: list[str]
+    faults: list[str]
     unlisted: dict[int, list[str]]
     foreign: list[str]
     links: dict[str, str]

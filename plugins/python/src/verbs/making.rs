@@ -133,6 +133,7 @@ pub fn verify(py: Python<'_>, dataset: PathBuf, threads: Option<usize>) -> PyRes
         "files": found.files,
         "missing": found.missing,
         "damaged": found.damaged,
+        "faults": found.faults,
         "unlisted": found.unlisted.iter().map(|(scene, paths)| object!([scene, paths])).collect::<Vec<_>>(),
         "foreign": found.foreign,
         "links": found.links,

@@ -8,10 +8,12 @@
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, LineFiles};
 use crate::run::dataset::layout;
+use crate::run::dataset::vanished::vanished;
 use crate::run::stop::Stop;
 use parking_lot::{Condvar, Mutex};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant, SystemTime};
 use syntable_model::error::Result;
@@ -57,6 +59,8 @@ struct Shared {
     worker: String,
     held: Mutex<Held>,
     ends: Condvar,
+    /// The recipe of the dataset is gone.
+    has_vanished: AtomicBool,
 }
 
 /// The claims of this worker: the generation of each block.
@@ -97,7 +101,13 @@ impl Claims {
         let start = u64::from_str_radix(worker, 16).unwrap_or_default() % (free.len() as u64).max(1);
         free.rotate_left(start as usize);
         let (dataset, worker) = (dataset.clone(), worker.to_owned());
-        let shared = Arc::new(Shared { dataset, worker, held: Mutex::default(), ends: Condvar::new() });
+        let shared = Arc::new(Shared {
+            dataset,
+            worker,
+            held: Mutex::default(),
+            ends: Condvar::new(),
+            has_vanished: AtomicBool::new(false),
+        });
         let blocks = Mutex::new(Blocks { left, free, others: BTreeMap::new(), taken: 0 });
         let renews = {
             let (shared, pause) = (Arc::clone(&shared), options.lease / SIGNS);
@@ -108,8 +118,14 @@ impl Claims {
 
     /// Claims the next block: its number and its scenes without a line. Waits while other workers have all
     /// blocks, because one of them may be gone. None if all scenes are made, or the work is to stop.
+    ///
+    /// # Errors
+    /// If the dataset vanished, or a file of it cannot be read or written.
     pub fn next(&self, stop: &Stop) -> Result<Option<(u32, Vec<u32>)>> {
         while !stop.is_requested() {
+            if self.shared.has_vanished.load(Ordering::Relaxed) {
+                return Err(vanished(&self.shared.dataset));
+            }
             let mut blocks = self.blocks.lock();
             if blocks.taken >= TAKEN || (blocks.free.is_empty() && !blocks.left.is_empty()) {
                 blocks.taken = 0;
@@ -234,7 +250,8 @@ impl Shared {
         format!("{{\"worker\":\"{}\",\"sign\":{number}}}\n", self.worker)
     }
 
-    /// Writes signs of life until the work is over. A sign that cannot be written is missing, as if the worker were slow.
+    /// Writes signs of life until the work is over, or the dataset has vanished. A sign that cannot be written is missing, as
+    /// if the worker were slow.
     fn renew(&self, pause: Duration) {
         for number in 1.. {
             let claims = {
@@ -246,6 +263,10 @@ impl Shared {
                 }
                 held.claims.clone()
             };
+            if self.dataset.has(&layout::recipe()) == Ok(false) {
+                self.has_vanished.store(true, Ordering::Relaxed);
+                return;
+            }
             for (block, generation) in claims {
                 // The claim may have been given back meanwhile.
                 let held = self.held.lock();

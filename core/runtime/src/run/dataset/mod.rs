@@ -22,4 +22,5 @@ mod staging;
 mod staging_area;
 #[cfg(test)]
 mod tests;
+pub(crate) mod vanished;
 pub(crate) mod verify;

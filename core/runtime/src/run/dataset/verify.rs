@@ -3,7 +3,7 @@
 use crate::run::dataset::ending::{self, Finished};
 use crate::run::dataset::folder::each_file;
 use crate::run::dataset::foreign::{self, Depth, StrayFile};
-use crate::run::dataset::journal::Journal;
+use crate::run::dataset::journal::{Entries, Journal};
 use crate::run::dataset::layout::{self, MARK, RECIPE};
 use crate::run::dataset::locking::lock;
 use crate::run::dataset::manifest::{FileState, Manifest, Stamp};
@@ -28,7 +28,10 @@ pub struct Verified {
     pub missing: Vec<String>,
     /// Files of different size or content, sorted.
     pub damaged: Vec<String>,
-    /// Files of scenes with lost manifests, by scene, where the paths of another scene identify them; sorted.
+    /// Faults of the journal: descriptions of unreadable lines. Only the scenes of the other lines were compared.
+    pub faults: Vec<String>,
+    /// Files of scenes with lost manifests, by scene, where the paths of another scene identify them; and files of scenes
+    /// with manifests, whose lines are lost, if the journal has faults. Sorted.
     pub unlisted: BTreeMap<u32, Vec<String>>,
     /// Other files that no manifest lists, sorted.
     pub foreign: Vec<String>,
@@ -49,7 +52,10 @@ impl Verified {
     /// Whether every file is unchanged, and all runs ended.
     pub fn whole(&self) -> bool {
         let lists = [&self.missing, &self.damaged, &self.linked];
-        lists.iter().all(|list| list.is_empty()) && self.outside.is_empty() && !self.unfinished
+        lists.iter().all(|list| list.is_empty())
+            && self.faults.is_empty()
+            && self.outside.is_empty()
+            && !self.unfinished
     }
 }
 
@@ -73,7 +79,7 @@ pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> R
         found.add_odd(own.odd);
         return Ok(found);
     }
-    let entries = Journal::entries_of(dataset)?;
+    let (entries, faults) = Journal::readable(dataset)?;
     let made: Vec<(u32, Digest)> = entries.iter().filter_map(|line| Some((line.scene, line.manifest()?))).collect();
     let found = Mutex::new((Verified::default(), Owned::default(), ManifestScenes::default()));
     let failure = Mutex::new(None);
@@ -98,6 +104,8 @@ pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> R
     }
     let (mut found, mut owned, known) = found.into_inner();
     found.scenes = made.len() as u32;
+    found.faults = faults;
+    let without_line = if found.faults.is_empty() { HashMap::new() } else { without_line(dataset, &entries)? };
     let end = Finished::of(dataset)?;
     owned.extend(&end.manifest);
     for (path, stamp) in &end.manifest.files {
@@ -115,7 +123,7 @@ pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> R
             let there = dataset.look(path).ok().flatten();
             found.links.push((path.to_owned(), there.and_then(|there| there.leads_to).unwrap_or_default()));
         } else if !owned.0.contains(&key(path)) {
-            match patterns.scene_of(path) {
+            match without_line.get(&key(path)).copied().or_else(|| patterns.scene_of(path)) {
                 Some(scene) => found.unlisted.entry(scene).or_default().push(path.to_owned()),
                 None => found.foreign.push(path.to_owned()),
             }
@@ -126,6 +134,19 @@ pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> R
     let lists = [&mut found.missing, &mut found.damaged, &mut found.foreign, &mut found.linked];
     lists.into_iter().chain(found.unlisted.values_mut()).for_each(|list| list.sort_unstable());
     Ok(found)
+}
+
+/// The scenes of the files that manifests without a line list, by the [`key`] of the file.
+fn without_line(dataset: &StoreFolder, entries: &Entries) -> Result<HashMap<u64, u32>> {
+    let mut scenes = HashMap::new();
+    for (scene, path) in layout::manifests_in(dataset, &layout::manifests())? {
+        if !entries.contains(scene)
+            && let Some((manifest, _)) = Manifest::read_any(dataset, &path)?
+        {
+            scenes.extend(manifest.files.keys().map(|path| (key(path), scene)));
+        }
+    }
+    Ok(scenes)
 }
 
 /// Compares the files of a scene, and returns its manifest, or `None` if the manifest is lost.

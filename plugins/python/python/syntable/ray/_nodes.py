@@ -219,7 +219,7 @@ class Probe:
             os.makedirs(place, exist_ok=True)
             handle, path = tempfile.mkstemp(prefix=f".{name}{MARK}", dir=place)
         except OSError as error:
-            raise SyntableError(f"{place}: {error.strerror}", file=place) from error
+            raise SyntableError(f"{place}: {error.strerror}", file=place, temporary=True) from error
         os.close(handle)
         return cls(out, path)
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import math
 import os
+import re
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -63,8 +65,8 @@ def run(
     """Makes the dataset of a recipe on a Ray cluster, or continues it. The files are those of ``st.run``, byte for byte.
 
     Workers claim scenes as those of ``st.run(…, claim=True)`` do. The driver starts them, and starts a worker again that
-    fails, or whose node is lost. A worker that fails four times in a row without a scene is given up; the call raises
-    its error when no worker is left. Warnings name the node of each failure. Ctrl-C ends all workers and keeps finished
+    fails, or whose node is lost. A worker is given up that fails four times in a row without a scene, or with an error
+    that no retry mends; the call raises its error when no worker is left. Warnings name the node of each failure. Ctrl-C ends all workers and keeps finished
     scenes; the same call continues.
 
     The call uses the cluster of ``ray.init``, and calls it if the program has not.
@@ -148,7 +150,7 @@ class Report:
 
     place: str
     outcome: Outcome | None = None
-    error: Exception | None = None
+    error: SyntableError | None = None
 
 
 class Mailbox:
@@ -214,12 +216,29 @@ def work(order: Order, mailbox: Any, worker: int) -> Report:
             )
         return Report(place(), outcome=outcome)
     except SyntableError as error:
-        return Report(place(), error=error)
+        return Report(place(), error=worded(error))
     except Exception as error:
-        # Its class may be unknown to the driver.
-        return Report(place(), error=SyntableError(f"{type(error).__name__}: {error}"))
+        # Its class may be unknown to the driver. A refused argument stays refused.
+        temporary = not isinstance(error, (TypeError, ValueError))
+        return Report(place(), error=SyntableError(f"{type(error).__name__}: {error}", temporary=temporary))
     finally:
         send.end()
+
+
+def worded(error: SyntableError) -> SyntableError:
+    """The error of a worker, with the function of each argument that it advises and that `run` lacks."""
+    lacking = sorted(set(inspect.signature(verbs.run).parameters) - set(inspect.signature(run).parameters))
+    arguments = re.compile(rf"`(?:{'|'.join(lacking)})(?:=True)?`")
+
+    def named(text: str) -> str:
+        # `run` always claims.
+        text = text.replace("without `claim`", "without `claim`, by `st.run`")
+        return arguments.sub(lambda found: f"{found[0]} of `st.run`", text)
+
+    error.args = tuple(named(text) if isinstance(text, str) else text for text in error.args)
+    error.message = named(error.message)
+    error.help = None if error.help is None else named(error.help)
+    return error
 
 
 @dataclass(frozen=True)
@@ -304,7 +323,7 @@ class Team:
         self._running: dict[Any, Worker] = {}
         self._waiting: list[Worker] = []
         self._outcomes: list[Outcome] = []
-        self._last_error: Exception | None = None
+        self._last_error: SyntableError | None = None
         self._seen = Seen()
 
     def run(self) -> Outcome:
@@ -374,15 +393,15 @@ class Team:
             except ray.exceptions.RayError as error:
                 self._lost(worker, error)
                 continue
-            if report.outcome is not None:
-                self._outcomes.append(report.outcome)
-            else:
+            if report.error is not None:
                 self._failed(worker, report.error, report.place)
+            elif report.outcome is not None:
+                self._outcomes.append(report.outcome)
 
     def _lost(self, worker: Worker, error: Any) -> None:
         """Handles a worker that cannot report."""
         if isinstance(error, ray.exceptions.TaskCancelledError):
-            self._failed(worker, SyntableError("the worker was canceled"), worker.place)
+            self._failed(worker, SyntableError("the worker was canceled", temporary=True), worker.place)
             return
         if isinstance(error, (ray.exceptions.RayTaskError, ray.exceptions.RuntimeEnvSetupError)):
             text = str(error).strip()
@@ -391,10 +410,10 @@ class Team:
             help = "every node needs the package syntable, such as by `runtime_env`"
             raise SyntableError(f"a worker cannot begin: {text} ({help})", help=help) from error
         what = "its node is gone" if isinstance(error, ray.exceptions.NodeDiedError) else str(error).split("\n")[0]
-        self._failed(worker, SyntableError(f"a worker is lost: {what}"), worker.place)
+        self._failed(worker, SyntableError(f"a worker is lost: {what}", temporary=True), worker.place)
 
-    def _failed(self, worker: Worker, error: Exception, place: str) -> None:
-        """Ends the run if the worker would fail again, or lets it start again."""
+    def _failed(self, worker: Worker, error: SyntableError, place: str) -> None:
+        """Ends the run if every worker would fail, and lets the worker start again if that may help."""
         self._last_error = error
         if isinstance(error, (RecipeError, Unfit)):
             if place and hasattr(error, "add_note"):
@@ -402,11 +421,14 @@ class Team:
             raise error
         worker.failures += 1
         pause = min(PAUSE_S * 2 ** (worker.failures - 1), LONGEST_PAUSE_S)
-        again = worker.failures < FAILURES
+        again = error.temporary and worker.failures < FAILURES
         if again:
             worker.due = time.monotonic() + pause
             self._waiting.append(worker)
-        then = f"starts again in {pause:.0f} s" if again else f"is given up after {worker.failures} failures"
+        if again:
+            then = f"starts again in {pause:.0f} s"
+        else:
+            then = f"is given up after {worker.failures} failures" if error.temporary else "is given up"
         message = f"worker {worker.number} on {place or 'a new node'} {then}: {error}"
         self._heard({"event": "message", "level": "warning", "message": message})
 
