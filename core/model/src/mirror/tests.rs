@@ -163,7 +163,7 @@ fn a_file_that_changed_is_refused() {
         let path = mirror.root().join(name);
         let error = Error::io(&path, &DatasetFile::read(&path).expect_err("refused"));
         assert!(error.to_string().contains(&format!("{name}: the file changed after the store listed it")), "{error}");
-        // A run stops: without the file, it would go on with others.
+        // A run stops: without the file, it would use others.
         assert!(error.is_transient() && mirror.take_outage() == Some(error) && mirror.take_outage().is_none());
     }
     assert_eq!(DatasetFile::read(case.mirror().root().join("a.json")).expect("new"), b"two");
