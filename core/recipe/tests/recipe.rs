@@ -353,6 +353,7 @@ fn a_product_of_a_caller_gets_a_suggestion() {
     let help = |product: &str| {
         let overrides = Overrides {
             exists: &|_| true,
+            opens_urls: false,
             set: Vec::new(),
             variable: &|name| (name == "ASSETS").then(|| "/data/assets".to_owned()),
             read: &|path| fs::read_to_string(path),
@@ -583,6 +584,7 @@ fn paths_of_pools_count_from_who_names_them() {
             source,
             &Overrides {
                 exists: &|path| exists || !path.ends_with("names.json"),
+                opens_urls: false,
                 set: set.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect(),
                 variable: &|name| (name == "ASSETS").then(|| "/data/assets".to_owned()),
                 read: &|path| fs::read_to_string(path),

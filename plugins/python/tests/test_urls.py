@@ -88,7 +88,9 @@ def test_samples_are_the_ones_of_the_folder(bucket: str, data: Path) -> None:
 
 
 @pytest.mark.parametrize("method", ["fork", "spawn"])
-def test_other_processes_read_it(bucket: str, data: Path, method: str) -> None:
+def test_other_processes_read_it(bucket: str, data: Path, method: str, tmp_path: Path, monkeypatch) -> None:
+    # Nothing is on this machine yet, so that the process must reach the server itself.
+    monkeypatch.setenv("SYNTABLE_CACHE", str(tmp_path))
     remote = st.open(bucket)
     context = multiprocessing.get_context(method)
     answers = context.Queue()

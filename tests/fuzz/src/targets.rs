@@ -144,6 +144,7 @@ pub fn recipe(input: &[u8]) {
         variable: &|_| Some("value".to_owned()),
         read: &|_| Err(std::io::ErrorKind::NotFound.into()),
         exists: &|_| true,
+        opens_urls: false,
         current_folder: "/".into(),
         choose: false,
         wanted: Vec::new(),

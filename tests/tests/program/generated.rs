@@ -671,6 +671,7 @@ fn fixture(name: &str) -> Option<String> {
 fn diagnosed(registry: &Registry, text: &str) -> (Vec<Code>, String) {
     let overrides = Overrides {
         exists: &|_| true,
+        opens_urls: false,
         set: Vec::new(),
         variable: &|name| (name == "HOME").then(|| "/home/me".to_owned()),
         read: &|path: &Path| fs::read_to_string(root().join(path)),

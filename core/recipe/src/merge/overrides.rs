@@ -14,6 +14,8 @@ pub struct Overrides<'a> {
     pub read: &'a dyn Fn(&Path) -> io::Result<String>,
     /// Whether a path that the recipe names exists; always true if that does not matter yet.
     pub exists: &'a dyn Fn(&Path) -> bool,
+    /// Whether the folders and files at URLs that the recipe names are listed. Otherwise no stage can read them.
+    pub opens_urls: bool,
     /// Base of relative paths in overrides and embedded recipes.
     pub current_folder: PathBuf,
     /// Whether kinds that represent others are replaced by the kinds that they choose on this machine, as a run needs
@@ -34,6 +36,7 @@ impl Overrides<'static> {
                 String::from_utf8(text).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8"))
             },
             exists: &|_| true,
+            opens_urls: true,
             current_folder: std::env::current_dir().unwrap_or_default(),
             choose: false,
             wanted: Vec::new(),

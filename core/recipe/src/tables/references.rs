@@ -272,7 +272,9 @@ impl Loader<'_, '_> {
         span: &Span,
         diagnostics: &mut Vec<DiagnosticBuilder>,
     ) -> Option<variables::Resolved> {
-        let Some(url) = resolved.path.to_str().filter(|path| is_url(path)) else { return Some(resolved) };
+        let Some(url) = resolved.path.to_str().filter(|path| self.overrides.opens_urls && is_url(path)) else {
+            return Some(resolved);
+        };
         match self.remote.path(url) {
             Ok(path) => Some(variables::Resolved { path: path?, ..resolved }),
             Err(error) => {

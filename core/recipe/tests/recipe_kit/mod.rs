@@ -566,6 +566,7 @@ pub fn load(source: Source, set: &[(&str, &str)]) -> Result<(Recipe, Vec<Diagnos
         source,
         &Overrides {
             exists: &|_| true,
+            opens_urls: false,
             set,
             variable: &|name| (name == "ASSETS").then(|| "/data/assets".to_owned()),
             read: &|path| std::fs::read_to_string(path),

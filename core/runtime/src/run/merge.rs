@@ -470,7 +470,7 @@ fn ready(recipe: &Recipe) -> Result<()> {
 fn load(registry: &Registry, text: &str) -> Result<Recipe> {
     let named =
         |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty()).or_else(|| Some(name.to_owned()));
-    let overrides = Overrides { variable: &named, ..Overrides::of_process(Vec::new()) };
+    let overrides = Overrides { variable: &named, opens_urls: false, ..Overrides::of_process(Vec::new()) };
     let source = Source::embedded(RESERVED[1], without_lock(text));
     let (recipe, _) = syntable_recipe::load(registry, source, &overrides)
         .map_err(|report| Error::new(format!("the recipe of the parts cannot be read:\n{report}")))?;
