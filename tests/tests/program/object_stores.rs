@@ -1,7 +1,7 @@
 //! Datasets in a bucket, over HTTP: the bytes of a dataset in a folder, whatever a network, a kill or credentials do.
 
 use crate::support::bucket::{BUCKET, Bucket, Key, NEW, OLD, assert_same_files, url};
-use crate::support::{fails, ok, small_run, syntable, text};
+use crate::support::{assert_same, fails, ok, small_run, syntable, text};
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -373,4 +373,79 @@ fn another_server_gets_the_files_of_a_folder() {
     assert!(said.contains(&format!("missing  {image}")) && said.contains("1 missing, 0 damaged, 0 foreign"), "{said}");
     ok(&mut run(&[&THREE[..], &["--repair"]].concat()));
     same();
+}
+
+/// The emulator of Azure's own project, which knows one account.
+struct Azurite {
+    server: Child,
+    port: u16,
+    _folder: TempDir,
+}
+
+/// Container of the emulator.
+const CONTAINER: &str = "lab";
+
+impl Azurite {
+    /// Starts the server with an empty container; none if it is not installed.
+    fn start() -> Option<Self> {
+        let port =
+            TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|it| it.local_addr()).expect("a free port").port();
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut command = Command::new("azurite-blob");
+        command.args(["--inMemoryPersistence", "--silent", "--skipApiVersionCheck", "--blobPort", &port.to_string()]);
+        command.current_dir(folder.path()).stdout(Stdio::null()).stderr(Stdio::null());
+        let Ok(server) = command.spawn() else {
+            skip_slow_tool("azurite-blob");
+            return None;
+        };
+        let azurite = Self { server, port, _folder: folder };
+        until("azurite listens", || TcpStream::connect((Ipv4Addr::LOCALHOST, port)).is_ok());
+        let mut create = Command::new("python3");
+        create.arg("-c").arg(include_str!("support/azure_container.py")).args([&port.to_string(), CONTAINER]);
+        ok(&mut create);
+        Some(azurite)
+    }
+
+    fn reach(&self, mut command: Command) -> Command {
+        command.env("AZURE_STORAGE_USE_EMULATOR", "true").env("NO_PROXY", "127.0.0.1");
+        command.env("AZURITE_BLOB_STORAGE_URL", format!("http://127.0.0.1:{}", self.port));
+        command
+    }
+
+    fn syntable(&self, arguments: &[&str]) -> Command {
+        let mut command = syntable();
+        command.args(arguments);
+        self.reach(command)
+    }
+}
+
+impl Drop for Azurite {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+#[test]
+fn azure_gets_and_gives_a_dataset() {
+    let Some(azurite) = Azurite::start() else { return };
+    let (folder, whole) = whole(&THREE);
+    let at = format!("az://{CONTAINER}/sets/mine");
+    let run = |more: &[&str]| azurite.reach(small_run(Path::new(&at), more));
+    ok(&mut run(&[]));
+    // Two workers make the third scene.
+    let mut workers: Vec<Child> =
+        (0..2).map(|_| run(&[&THREE[..], &["--claim", "1"]].concat()).spawn().expect("starts")).collect();
+    assert!(workers.iter_mut().all(|worker| worker.wait().expect("waits").success()));
+    let said = ok(&mut azurite.syntable(&["verify", &at]));
+    assert!(said.contains("0 missing, 0 damaged, 0 foreign"), "{said}");
+    // The same files come back.
+    let back = folder.path().join("back");
+    ok(&mut azurite.syntable(&["merge", &back.to_string_lossy(), &at]));
+    assert_same(&back, &whole);
+    let stats = |of: &str| {
+        let mut stats = azurite.syntable(&["stats", "--json", of]);
+        ok(stats.env("SYNTABLE_CACHE", folder.path().join("cache"))).replace(of, "")
+    };
+    assert_eq!(stats(&at), stats(&whole.to_string_lossy()));
 }
