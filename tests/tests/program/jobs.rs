@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use syntable_testing::tools::{skip, skip_slow_tool};
 
 /// A Slurm cluster of two nodes on this machine. Its programs end with it.
-struct Cluster {
+pub struct Cluster {
     folder: PathBuf,
     daemons: Vec<Child>,
 }
@@ -39,7 +39,16 @@ PartitionName=all Nodes=ALL Default=YES MaxTime=10 State=UP
 ";
 
 impl Cluster {
-    fn start(folder: &Path) -> Self {
+    /// Whether this machine has the daemons, and the rights that they need.
+    pub fn is_installed() -> bool {
+        let programs = ["munged", "slurmctld", "slurmd", "sbatch", "scancel"];
+        let has = |name: &str| ["/usr/sbin", "/usr/bin"].iter().any(|folder| Path::new(folder).join(name).exists());
+        let is_root = || Command::new("id").arg("-u").output().is_ok_and(|output| output.stdout.starts_with(b"0"));
+        programs.iter().all(|name| has(name)) && is_root()
+    }
+
+    /// A cluster with its files in a folder.
+    pub fn start(folder: &Path) -> Self {
         let free = || TcpListener::bind("127.0.0.1:0").and_then(|it| it.local_addr()).expect("a free port").port();
         let mut conf = SLURM_CONF.replace("@DIR@", &folder.display().to_string());
         writeln!(conf, "SlurmctldPort={}\nSlurmdPort={}", free(), free()).expect("memory");
@@ -76,6 +85,44 @@ impl Cluster {
         ["n1", "n2"].iter().for_each(|node| cluster.daemon("slurmd", &["-D", "-N", node]));
         until("two nodes are idle", || cluster.says("sinfo", &["--noheader", "--format", "%T %D"]).trim() == "idle 2");
         cluster
+    }
+
+    /// Makes the dataset of `recipe.toml` in the cluster's folder, as an array of shards. One task is killed after its first
+    /// scene, and Slurm starts it again.
+    pub fn array(&self, out: &Path, shards: u32) {
+        fs::create_dir(self.folder.join("bin")).expect("a folder");
+        #[cfg(unix)]
+        std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_syntable-under-test"), self.folder.join("bin/syntable"))
+            .expect("a link");
+        let script = self.folder.join("job.sbatch");
+        let mut new = syntable();
+        new.current_dir(&self.folder).args(["new", "slurm"]).arg(&script);
+        ok(new.args(["--shards", &shards.to_string(), "--out"]).arg(out));
+        let text = fs::read_to_string(&script).expect("there");
+        let small = text.replace("--cpus-per-task=8", "--cpus-per-task=1").replace("--mem=16G", "--mem=500M");
+        fs::write(&script, small.replace("--time=04:00:00", "--time=5")).expect("writable");
+        ok(self.command("bash").arg(&script));
+        let parts = out.with_extension("shards");
+        let journal = parts.join(format!("1-of-{shards}/.syntable/journal.jsonl"));
+        let lines = || fs::read_to_string(&journal).unwrap_or_default().lines().count();
+        until("the task has a scene", || lines() > 0);
+        let array = self.says("squeue", &["--noheader", "--array", "--name", "syntable", "--format", "%F_%K"]);
+        let task = array.lines().find(|line| line.ends_with("_1")).unwrap_or_else(|| panic!("{array}"));
+        ok(self.command("scancel").args(["--signal=KILL", "--full", task]));
+        // Slurm starts it again after two minutes.
+        let queue = || self.says("squeue", &["--noheader", "--array", "--name", "syntable", "--format", "%F_%K %r"]);
+        until("the task waits to start again", || queue().contains(&format!("{task} BeginTime")));
+        let status = || {
+            let output = syntable().arg("status").arg(&parts).output().expect("starts");
+            (output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned())
+        };
+        let (code, said) = status();
+        let of_task = format!("1-of-{shards}");
+        let line = said.lines().find(|line| line.contains(&of_task)).unwrap_or_else(|| panic!("{said}"));
+        assert!(code == Some(3) && line.contains("stopped") && line.contains(" missing"), "{said}");
+        ok(self.command("scontrol").args(["update", &format!("JobId={task}"), "StartTime=now"]));
+        until("all jobs have ended", || self.says("squeue", &["--noheader"]).trim().is_empty());
+        assert_eq!(status().0, Some(0), "{}", status().1);
     }
 
     fn daemon(&mut self, program: &str, arguments: &[&str]) {
@@ -120,54 +167,15 @@ fn until(what: &str, is_so: impl Fn() -> bool) {
 
 #[test]
 fn a_slurm_array_that_loses_a_task_makes_the_dataset_of_one_run() {
-    let programs = ["munged", "slurmctld", "slurmd", "sbatch", "scancel"];
-    let has = |name: &str| ["/usr/sbin", "/usr/bin"].iter().any(|folder| Path::new(folder).join(name).exists());
-    let is_root = || Command::new("id").arg("-u").output().is_ok_and(|output| output.stdout.starts_with(b"0"));
-    if !programs.iter().all(|name| has(name)) || !is_root() {
+    if !Cluster::is_installed() {
         return skip_slow_tool("Slurm, with munge and as root");
     }
     let folder = tempfile::tempdir().expect("a folder");
     let (whole, out) = (folder.path().join("whole"), folder.path().join("mine"));
     made(&mut small_run(&whole, &["--set", "dataset.scenes=9"]));
     fs::copy(whole.join("recipe.toml"), folder.path().join("recipe.toml")).expect("there");
-    fs::create_dir(folder.path().join("bin")).expect("a folder");
-    #[cfg(unix)]
-    std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_syntable-under-test"), folder.path().join("bin/syntable"))
-        .expect("a link");
-    let script = folder.path().join("job.sbatch");
-    ok(syntable()
-        .current_dir(folder.path())
-        .args(["new", "slurm"])
-        .arg(&script)
-        .args(["--shards", "3", "--out"])
-        .arg(&out));
-    let text = fs::read_to_string(&script).expect("there");
-    let small = text.replace("--cpus-per-task=8", "--cpus-per-task=1").replace("--mem=16G", "--mem=500M");
-    fs::write(&script, small.replace("--time=04:00:00", "--time=5")).expect("writable");
-
     let cluster = Cluster::start(folder.path());
-    ok(cluster.command("bash").arg(&script));
-    // The task is killed after its first scene.
-    let journal = folder.path().join("mine.shards/1-of-3/.syntable/journal.jsonl");
-    let lines = || fs::read_to_string(&journal).unwrap_or_default().lines().count();
-    until("the task has a scene", || lines() > 0);
-    let array = cluster.says("squeue", &["--noheader", "--array", "--name", "syntable", "--format", "%F_%K"]);
-    let task = array.lines().find(|line| line.ends_with("_1")).unwrap_or_else(|| panic!("{array}"));
-    ok(cluster.command("scancel").args(["--signal=KILL", "--full", task]));
-    // Slurm starts it again after two minutes.
-    let queue = || cluster.says("squeue", &["--noheader", "--array", "--name", "syntable", "--format", "%F_%K %r"]);
-    until("the task waits to start again", || queue().contains(&format!("{task} BeginTime")));
-    assert!(lines() < 3, "the task ended before it was killed");
-    let status = || {
-        let output = syntable().arg("status").arg(folder.path().join("mine.shards")).output().expect("starts");
-        (output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned())
-    };
-    let (code, said) = status();
-    let line = said.lines().find(|line| line.contains("1-of-3")).unwrap_or_else(|| panic!("{said}"));
-    assert!(code == Some(3) && line.contains("stopped") && line.contains(" missing"), "{said}");
-    ok(cluster.command("scontrol").args(["update", &format!("JobId={task}"), "StartTime=now"]));
-    until("all jobs have ended", || cluster.says("squeue", &["--noheader"]).trim().is_empty());
-    assert_eq!(status().0, Some(0), "{}", status().1);
+    cluster.array(&out, 3);
     drop(cluster);
     assert_same(&whole, &out);
 }

@@ -39,3 +39,4 @@ mod third_party;
 mod validate;
 mod variation;
 mod views;
+mod ways;
