@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use syntable_model::error::Result;
 use syntable_model::files::DatasetPath;
 use syntable_model::limits::RUN_LIST_BYTES;
-use syntable_model::store::StoreFolder;
+use syntable_model::store::{Kind, StoreFolder};
 
 /// Scenes of a joined file.
 pub(super) const JOINED: u32 = 1000;
@@ -25,13 +25,20 @@ pub struct LineFiles {
 }
 
 impl LineFiles {
-    /// Lists the files.
+    /// Lists the files. Folders, and files with names that the program does not write, are left out.
     pub fn of(dataset: &StoreFolder) -> Result<Self> {
-        let mut files = Self::default();
-        for (name, _) in dataset.list(&layout::lines())? {
-            if let Some(scene) = name.strip_suffix(".json").and_then(|number| number.parse::<u32>().ok()) {
+        let (mut files, folder) = (Self::default(), layout::lines());
+        let number = |name: &str, end: &str, path: fn(u32) -> DatasetPath| {
+            let number: u32 = name.strip_suffix(end)?.parse().ok()?;
+            (path(number).as_str() == format!("{folder}/{name}")).then_some(number)
+        };
+        for (name, kind) in dataset.list(&folder)? {
+            if kind == Kind::Folder {
+                continue;
+            }
+            if let Some(scene) = number(&name, ".json", layout::line) {
                 files.lines.entry(scene / JOINED).or_default().push(scene);
-            } else if let Some(thousand) = name.strip_suffix(".jsonl").and_then(|number| number.parse().ok()) {
+            } else if let Some(thousand) = number(&name, ".jsonl", layout::lines_of_thousand) {
                 files.joined.push(thousand);
             }
         }

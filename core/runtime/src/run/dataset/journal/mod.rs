@@ -21,7 +21,7 @@ use crate::run::dataset::requests;
 use entries::EntriesBuilder;
 use line_files::JOINED;
 use std::collections::{BTreeSet, VecDeque};
-use std::io::{BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read};
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
@@ -341,6 +341,8 @@ pub struct JournalLines {
     rest: VecDeque<DatasetPath>,
     /// The first lines of these files, read already.
     read: VecDeque<(Place, Vec<u8>)>,
+    /// Files that a list named and that did not exist.
+    missing: BTreeSet<DatasetPath>,
     line: Vec<u8>,
 }
 
@@ -359,7 +361,8 @@ impl JournalLines {
         let rest = LineFiles::of(dataset)?.paths().collect();
         let opened = dataset.open(&file)?.map(BufReader::new);
         let (dataset, place) = (dataset.clone(), Place { file, line: 0 });
-        Ok(Self { dataset, place, file: opened, rest, read: VecDeque::new(), line: Vec::new() })
+        let (read, missing) = (VecDeque::new(), BTreeSet::new());
+        Ok(Self { dataset, place, file: opened, rest, read, missing, line: Vec::new() })
     }
 
     /// The next line with its line end, which a truncated last line lacks. Refuses a line longer than
@@ -370,41 +373,61 @@ impl JournalLines {
 
     /// Reads the next line. Returns `false` after the last one.
     fn advance(&mut self) -> Result<bool> {
-        let Some(file) = &mut self.file else { return self.advance_file() };
-        self.line.clear();
-        self.place.line += 1;
-        let name = || self.dataset.name_of(&self.place.file);
-        let read = file.take(RUN_LIST_BYTES.most + 1).read_until(b'\n', &mut self.line);
-        let read = read.map_err(|error| Error::io(name(), &error))?;
-        RUN_LIST_BYTES.check(read as u64).map_err(|error| error.in_file(name()).at_line(self.place.line))?;
-        if read > 0 {
-            return Ok(true);
+        loop {
+            if let Some(file) = &mut self.file {
+                self.line.clear();
+                self.place.line += 1;
+                let name = || self.dataset.name_of(&self.place.file);
+                let read = file.take(RUN_LIST_BYTES.most + 1).read_until(b'\n', &mut self.line);
+                let read = read.map_err(|error| Error::io(name(), &error))?;
+                RUN_LIST_BYTES.check(read as u64).map_err(|error| error.in_file(name()).at_line(self.place.line))?;
+                if read > 0 {
+                    return Ok(true);
+                }
+                self.file = None;
+            }
+            if let Some((place, line)) = self.read.pop_front() {
+                (self.place, self.line) = (place, line);
+                return Ok(true);
+            }
+            if self.rest.is_empty() {
+                return Ok(false);
+            }
+            self.read_files()?;
         }
-        self.file = None;
-        self.advance_file()
     }
 
-    /// Reads the next line that is a file of its own.
-    fn advance_file(&mut self) -> Result<bool> {
-        while self.read.is_empty() && !self.rest.is_empty() {
-            let paths: Vec<DatasetPath> = self.rest.drain(..BATCH.min(self.rest.len())).collect();
-            let read = requests::read(&self.dataset, &paths, &RUN_LIST_BYTES)?;
-            let is_joined = read.iter().any(Option::is_none);
-            for (file, bytes) in paths.into_iter().zip(read).filter_map(|(path, bytes)| Some((path, bytes?))) {
+    /// Reads the next files with lines. If a worker has joined some since they were listed, the journal starts again.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or two lists name it and it does not exist.
+    fn read_files(&mut self) -> Result<()> {
+        let paths: Vec<DatasetPath> = self.rest.drain(..BATCH.min(self.rest.len())).collect();
+        let read = requests::read(&self.dataset, &paths, &RUN_LIST_BYTES)?;
+        let mut is_joined = false;
+        for (file, bytes) in paths.into_iter().zip(read) {
+            if let Some(bytes) = bytes {
                 let lines = bytes.split_inclusive(|byte| *byte == b'\n').zip(1..);
                 self.read.extend(lines.map(|(text, line)| (Place { file: file.clone(), line }, text.to_owned())));
+                continue;
             }
-            if is_joined {
-                // A worker has joined lines since they were listed. All that follow, and the joined ones, are read once more.
-                self.rest = LineFiles::of(&self.dataset)?.paths().collect();
-                self.place = Place { file: layout::journal(), line: 0 };
-                self.file = self.dataset.open(&self.place.file)?.map(BufReader::new);
-                return self.advance();
+            is_joined = true;
+            if !self.missing.insert(file.clone()) {
+                let error =
+                    io::Error::new(ErrorKind::StaleNetworkFileHandle, "the folder lists a file that does not exist");
+                return Err(Error::io(self.dataset.name_of(&file), &error).help(
+                    "the list of a folder on a network drive may be a minute old: run the same command again then; if it fails \
+                     again, check the drive",
+                ));
             }
         }
-        let Some((place, line)) = self.read.pop_front() else { return Ok(false) };
-        (self.place, self.line) = (place, line);
-        Ok(true)
+        if is_joined {
+            // All files that follow, and the joined lines, are read once more.
+            self.rest = LineFiles::of(&self.dataset)?.paths().collect();
+            self.place = Place { file: layout::journal(), line: 0 };
+            self.file = self.dataset.open(&self.place.file)?.map(BufReader::new);
+        }
+        Ok(())
     }
 }
 
@@ -433,7 +456,7 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
     use syntable_model::scene::SceneId;
-    use syntable_model::store::MemStore;
+    use syntable_model::store::{MemStore, Store as _};
 
     /// A dataset in memory, and the bytes of its journal.
     fn dataset() -> (StoreFolder, Arc<MemStore>) {
@@ -561,6 +584,38 @@ mod tests {
         journal.rewrite().expect("written");
         assert!(LineFiles::of(&dataset).expect("listed").is_empty());
         assert_eq!(Journal::entries_of(&dataset).expect("readable").made().count(), 1200);
+    }
+
+    /// The program writes none of these names. If they counted, it would look for `000003.json` and `004.jsonl`.
+    #[test]
+    fn foreign_names_are_no_lines() {
+        let (dataset, store) = dataset();
+        let mut shared = Journal::open_shared(&dataset).expect("shared");
+        (0..3).for_each(|scene| shared.append(entry(scene)).expect("written"));
+        for name in ["3.json", "+3.json", "0000003.json", "4.jsonl", "0004.jsonl", "000003.json/x", "004.jsonl/x"] {
+            let path = layout::lines().join(&DatasetPath::new(name).expect("a path"));
+            store.insert(path.clone(), line_of(&entry(3)).into_bytes());
+            let files = LineFiles::of(&dataset).expect("listed");
+            assert!(files.paths().eq((0..3).map(layout::line)) && !files.has(3) && !files.has(4000), "{name}");
+            assert!(Journal::entries_of(&dataset).expect("readable").scenes().eq(0..3), "{name}");
+            store.remove(&path).expect("removed");
+        }
+    }
+
+    /// As where the list of a folder is old.
+    #[test]
+    fn a_listed_file_that_does_not_exist_is_named() {
+        let (dataset, store) = dataset();
+        for journal in [None, Some(line_of(&entry(0)))] {
+            journal.iter().for_each(|line| set(&store, line.as_bytes()));
+            let mut lines = JournalLines::open(&dataset).expect("readable");
+            // It was joined after the list was made, and the journal starts again.
+            lines.rest.push_back(layout::line(7));
+            while lines.advance().expect("readable") {}
+            lines.rest.push_back(layout::line(7));
+            let error = lines.advance().expect_err("twice");
+            assert!(error.is_transient() && error.to_string().contains("000007.json"), "{error}");
+        }
     }
 
     #[test]
