@@ -40,6 +40,9 @@ const LOOKS: u32 = 20;
 const LOOK: Duration = Duration::from_secs(5);
 /// Blocks in a row that others have claimed before a worker lists all claims.
 const TAKEN: u32 = 4;
+/// Highest generation of a claim. The worker that takes this one over removes the generations of the block, and starts with
+/// 0. The claim of a higher one is foreign, and does not count.
+const GENERATIONS: u32 = 10_000;
 
 /// The blocks of scenes that a worker and others make.
 pub struct Claims {
@@ -59,10 +62,10 @@ struct Shared {
     ends: Condvar,
 }
 
-/// The claims of this worker: the generation of each block.
+/// The claims of this worker: the generations of each block, the own one last.
 #[derive(Default)]
 struct Held {
-    claims: BTreeMap<u32, u32>,
+    claims: BTreeMap<u32, Vec<u32>>,
     is_over: bool,
 }
 
@@ -80,7 +83,8 @@ struct Blocks {
 
 /// A claim of another worker.
 struct Other {
-    generation: u32,
+    /// The generations of its block, the newest one last.
+    generations: Vec<u32>,
     content: Vec<u8>,
     /// When this worker first saw the content.
     since: Instant,
@@ -116,8 +120,8 @@ impl Claims {
                 self.look(&mut blocks)?;
             }
             if let Some(block) = blocks.free.pop() {
-                let generation = blocks.others.remove(&block).map_or(0, |other| other.generation + 1);
-                if let Some(claimed) = self.claim(&mut blocks, block, generation)? {
+                let older = blocks.others.remove(&block).map_or_else(Vec::new, |other| other.generations);
+                if let Some(claimed) = self.claim(&mut blocks, block, older)? {
                     return Ok(Some(claimed));
                 }
                 continue;
@@ -132,17 +136,23 @@ impl Claims {
         Ok(None)
     }
 
-    /// Tries to claim a block. Returns its scenes without a line; none if another worker has it or has made it.
-    fn claim(&self, blocks: &mut Blocks, block: u32, generation: u32) -> Result<Option<(u32, Vec<u32>)>> {
+    /// Tries to claim a block whose last worker is gone, with the older generations of its claim. Returns its scenes without
+    /// a line; none if another worker has it or has made it.
+    fn claim(&self, blocks: &mut Blocks, block: u32, mut generations: Vec<u32>) -> Result<Option<(u32, Vec<u32>)>> {
         let dataset = &self.shared.dataset;
+        if generations.last().is_some_and(|newest| *newest >= GENERATIONS) {
+            self.remove(block, &std::mem::take(&mut generations))?;
+        }
+        let generation = generations.last().map_or(0, |newest| newest + 1);
+        generations.push(generation);
         if !dataset.write_new(&layout::claim(block, generation), self.shared.sign(0).as_bytes())? {
             blocks.taken += 1;
             // It is read when all claims are looked at.
-            blocks.others.insert(block, Other { generation, content: Vec::new(), since: Instant::now() });
+            blocks.others.insert(block, Other { generations, content: Vec::new(), since: Instant::now() });
             return Ok(None);
         }
         blocks.taken = 0;
-        self.shared.held.lock().claims.insert(block, generation);
+        self.shared.held.lock().claims.insert(block, generations);
         // Its last worker may have made it since the lines were listed.
         let mut scenes = Vec::new();
         for &scene in self.scenes_of(block) {
@@ -172,9 +182,14 @@ impl Claims {
     }
 
     fn release(&self, block: u32) -> Result<()> {
-        let Some(generation) = self.shared.held.lock().claims.remove(&block) else { return Ok(()) };
+        let generations = self.shared.held.lock().claims.remove(&block).unwrap_or_default();
         // The claims of workers that are gone end with it.
-        (0..=generation).try_for_each(|generation| self.shared.dataset.remove(&layout::claim(block, generation)))
+        self.remove(block, &generations)
+    }
+
+    fn remove(&self, block: u32, generations: &[u32]) -> Result<()> {
+        let dataset = &self.shared.dataset;
+        generations.iter().try_for_each(|generation| dataset.remove(&layout::claim(block, *generation)))
     }
 
     /// Looks at all claims and lines: finds blocks that are done, and blocks that are free again.
@@ -192,21 +207,21 @@ impl Claims {
         let (mut claimed, mut again) = (BTreeSet::new(), Vec::new());
         others.retain(|block, _| left.contains(block));
         for &block in left.iter().filter(|block| !held.contains_key(block)) {
-            let Some(&generation) = claims.get(&block) else {
+            let Some((generations, newest)) = claims.get(&block).and_then(|all| Some((all, *all.last()?))) else {
                 others.remove(&block);
                 if !known.contains(&block) {
                     again.push(block);
                 }
                 continue;
             };
-            let content = foreign::read(dataset, &layout::claim(block, generation))?;
-            let seen =
-                others.entry(block).or_insert_with(|| Other { generation, content: Vec::new(), since: Instant::now() });
-            if seen.generation != generation || seen.content != content {
-                *seen = Other { generation, content, since: Instant::now() };
-            }
+            let content = foreign::read(dataset, &layout::claim(block, newest))?;
+            let since = match others.remove(&block) {
+                Some(seen) if seen.generations.last() == Some(&newest) && seen.content == content => seen.since,
+                _ => Instant::now(),
+            };
+            others.insert(block, Other { generations: generations.clone(), content, since });
             claimed.insert(block);
-            if seen.since.elapsed() > self.options.lease {
+            if since.elapsed() > self.options.lease {
                 again.push(block);
             }
         }
@@ -244,12 +259,13 @@ impl Shared {
                 if held.is_over {
                     return;
                 }
-                held.claims.clone()
+                let own = held.claims.iter().filter_map(|(block, generations)| Some((*block, *generations.last()?)));
+                own.collect::<Vec<_>>()
             };
             for (block, generation) in claims {
                 // The claim may have been given back meanwhile.
                 let held = self.held.lock();
-                if held.claims.get(&block) == Some(&generation) {
+                if held.claims.get(&block).and_then(|generations| generations.last()) == Some(&generation) {
                     let _ = self.dataset.write(&layout::claim(block, generation), self.sign(number).as_bytes());
                 }
             }
@@ -272,15 +288,72 @@ pub fn are_renewed(dataset: &StoreFolder) -> Result<bool> {
     Ok(false)
 }
 
-/// The newest generation of each claim.
-fn claims_of(dataset: &StoreFolder) -> Result<BTreeMap<u32, u32>> {
-    let mut claims = BTreeMap::new();
-    for (name, _) in dataset.list(&layout::claims())? {
-        let Some(name) = name.strip_suffix(".json") else { continue };
-        let (block, generation) = name.split_once('-').unwrap_or((name, "0"));
-        let (Ok(block), Ok(generation)) = (block.parse(), generation.parse::<u32>()) else { continue };
-        let newest: &mut u32 = claims.entry(block).or_insert(generation);
-        *newest = (*newest).max(generation);
+/// The generations of each claim, ascending. Names that no worker writes are left out.
+fn claims_of(dataset: &StoreFolder) -> Result<BTreeMap<u32, Vec<u32>>> {
+    let (mut claims, folder): (BTreeMap<u32, Vec<u32>>, _) = (BTreeMap::new(), layout::claims());
+    for (name, _) in dataset.list(&folder)? {
+        let Some(stem) = name.strip_suffix(".json") else { continue };
+        let (block, generation) = stem.split_once('-').unwrap_or((stem, "0"));
+        let (Ok(block), Ok(generation)) = (block.parse(), generation.parse()) else { continue };
+        if generation <= GENERATIONS && layout::claim(block, generation).as_str() == format!("{folder}/{name}") {
+            claims.entry(block).or_default().push(generation);
+        }
     }
+    claims.values_mut().for_each(|generations| generations.sort_unstable());
     Ok(claims)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_model::files::DatasetPath;
+    use syntable_model::store::MemStore;
+
+    const OPTIONS: ClaimOptions = ClaimOptions { block: 1, lease: Duration::from_millis(40) };
+
+    /// A claim that its worker left.
+    fn leave(store: &MemStore, name: &str) {
+        let path = layout::claims().join(&DatasetPath::new(name).expect("a path"));
+        store.insert(path, b"{\"worker\":\"0\",\"sign\":0}\n".to_vec());
+    }
+
+    /// The names of all claims.
+    fn names(store: &MemStore) -> Vec<String> {
+        let all = store.files().into_keys();
+        all.filter_map(|path| Some(path.strip_prefix(".syntable/claims/")?.to_owned())).collect()
+    }
+
+    #[test]
+    fn foreign_generations_do_not_count() {
+        for name in
+            ["000000-4294967295.json", "000000-4000000000.json", "000000-10001.json", "0-7.json", "000000-07.json"]
+        {
+            let store = Arc::new(MemStore::default());
+            leave(&store, name);
+            let claims = Claims::new(&Arc::clone(&store).into(), "0", OPTIONS, 0..1);
+            claims.look(&mut claims.blocks.lock()).expect("readable");
+            assert_eq!(claims.next(&Stop::default()), Ok(Some((0, vec![0]))), "{name}");
+            assert!(names(&store).contains(&"000000.json".to_owned()), "{name}");
+            claims.done(0).expect("given back");
+            assert_eq!(names(&store), [name]);
+        }
+    }
+
+    #[test]
+    fn all_generations_of_a_claim_end_with_it() {
+        for (left, taken) in [
+            (vec!["000000.json"], "000000-1.json"),
+            (vec!["000000-3.json", "000000-17.json"], "000000-18.json"),
+            (vec!["000000.json", "000000-10000.json"], "000000.json"),
+        ] {
+            let store = Arc::new(MemStore::default());
+            left.iter().for_each(|name| leave(&store, name));
+            let claims = Claims::new(&Arc::clone(&store).into(), "0", OPTIONS, 0..1);
+            claims.look(&mut claims.blocks.lock()).expect("readable");
+            assert_eq!(claims.next(&Stop::default()), Ok(Some((0, vec![0]))), "{left:?}");
+            assert!(names(&store).contains(&taken.to_owned()), "{left:?}");
+            drop(claims);
+            assert!(names(&store).is_empty(), "{left:?}");
+        }
+    }
 }
