@@ -10,12 +10,14 @@ use crate::run::dataset::journal::{Journal, LineFiles};
 use crate::run::dataset::layout;
 use crate::run::stop::Stop;
 use parking_lot::{Condvar, Mutex};
+use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant, SystemTime};
 use syntable_model::error::Result;
-use syntable_model::store::StoreFolder;
+use syntable_model::files::DatasetPath;
+use syntable_model::store::{Kind, StoreFolder};
 
 /// How a worker claims scenes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,6 +60,7 @@ pub struct Claims {
 struct Shared {
     dataset: StoreFolder,
     worker: String,
+    lease: Duration,
     held: Mutex<Held>,
     ends: Condvar,
 }
@@ -101,10 +104,11 @@ impl Claims {
         let start = u64::from_str_radix(worker, 16).unwrap_or_default() % (free.len() as u64).max(1);
         free.rotate_left(start as usize);
         let (dataset, worker) = (dataset.clone(), worker.to_owned());
-        let shared = Arc::new(Shared { dataset, worker, held: Mutex::default(), ends: Condvar::new() });
+        let lease = options.lease;
+        let shared = Arc::new(Shared { dataset, worker, lease, held: Mutex::default(), ends: Condvar::new() });
         let blocks = Mutex::new(Blocks { left, free, others: BTreeMap::new(), taken: 0 });
         let renews = {
-            let (shared, pause) = (Arc::clone(&shared), options.lease / SIGNS);
+            let (shared, pause) = (Arc::clone(&shared), lease / SIGNS);
             thread::spawn(move || shared.renew(pause))
         };
         Self { shared, options, todo, blocks, renews: Some(renews) }
@@ -246,7 +250,8 @@ impl Drop for Claims {
 
 impl Shared {
     fn sign(&self, number: u64) -> String {
-        format!("{{\"worker\":\"{}\",\"sign\":{number}}}\n", self.worker)
+        let Self { worker, lease, .. } = self;
+        format!("{{\"worker\":\"{worker}\",\"sign\":{number},\"lease_s\":{}}}\n", lease.as_secs_f64())
     }
 
     /// Writes signs of life until the work is over. A sign that cannot be written is missing, as if the worker were slow.
@@ -273,19 +278,42 @@ impl Shared {
     }
 }
 
-/// Time after which a claim that no worker has renewed says nothing about workers. The time of a lease is not known here.
+/// Shortest time after which a claim that no worker has renewed says nothing about workers.
 const STALE: Duration = Duration::from_secs(180);
+/// Longest time of a lease that counts here.
+const LONGEST: Duration = Duration::from_secs(24 * 3600);
+/// Most bytes of a claim that is read here.
+const CLAIM_BYTES: u64 = 1000;
+
+/// The part of a claim that is read here.
+#[derive(Deserialize)]
+struct Sign {
+    lease_s: f64,
+}
 
 /// Whether workers have claims on a dataset, by the clocks of this machine and of the store.
 pub fn are_renewed(dataset: &StoreFolder) -> Result<bool> {
     for (name, _) in dataset.list(&layout::claims())? {
-        let found = dataset.look(&format!("{}/{name}", layout::claims()))?;
-        let age = found.and_then(|found| SystemTime::now().duration_since(found.modified?).ok());
-        if age.is_some_and(|age| age < STALE) {
+        if is_renewed(dataset, &format!("{}/{name}", layout::claims()))? {
             return Ok(true);
         }
     }
     Ok(false)
+}
+
+fn is_renewed(dataset: &StoreFolder, path: &str) -> Result<bool> {
+    let Some(found) = dataset.look(path)? else { return Ok(false) };
+    let Some(modified) = found.modified else { return Ok(false) };
+    // The clock of the store may be ahead.
+    let Ok(age) = SystemTime::now().duration_since(modified) else { return Ok(true) };
+    if age < STALE {
+        return Ok(true);
+    }
+    let is_read = age < LONGEST && found.kind == Kind::File && found.size <= CLAIM_BYTES;
+    let Some(path) = DatasetPath::new(path).ok().filter(|_| is_read) else { return Ok(false) };
+    let sign: Option<Sign> = serde_json::from_slice(&foreign::read(dataset, &path)?).ok();
+    let lease = sign.and_then(|sign| Duration::try_from_secs_f64(sign.lease_s).ok());
+    Ok(lease.is_some_and(|lease| age < lease))
 }
 
 /// The generations of each claim, ascending. Names that no worker writes are left out.
@@ -306,8 +334,9 @@ fn claims_of(dataset: &StoreFolder) -> Result<BTreeMap<u32, Vec<u32>>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use syntable_model::files::DatasetPath;
-    use syntable_model::store::MemStore;
+    use crate::run::dataset::locking;
+    use std::fs;
+    use syntable_model::store::{Access, MemStore};
 
     const OPTIONS: ClaimOptions = ClaimOptions { block: 1, lease: Duration::from_millis(40) };
 
@@ -354,6 +383,41 @@ mod tests {
             assert!(names(&store).contains(&taken.to_owned()), "{left:?}");
             drop(claims);
             assert!(names(&store).is_empty(), "{left:?}");
+        }
+    }
+
+    /// Clocks may differ, and a worker with a long lease seldom gives a sign of life.
+    #[test]
+    fn readers_wait_for_workers_with_any_clock_and_lease() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let dataset = StoreFolder::from(folder.path());
+        let path = layout::claim(0, 0).below(folder.path());
+        let lease = |lease: u64| ClaimOptions { block: 1, lease: Duration::from_secs(lease) };
+        for (options, age, is_renewed) in [
+            (lease(60), -3600, true),
+            (lease(60), 0, true),
+            (lease(60), 170, true),
+            (lease(60), 190, false),
+            (lease(3600), 3500, true),
+            (lease(3600), 3700, false),
+            (lease(500_000), 86_500, false),
+        ] {
+            let claims = Claims::new(&dataset, "0", options, 0..1);
+            assert_eq!(claims.next(&Stop::default()), Ok(Some((0, vec![0]))));
+            let by = Duration::from_secs(i64::unsigned_abs(age));
+            let time = if age < 0 { SystemTime::now() + by } else { SystemTime::now() - by };
+            let file = fs::File::options().write(true).open(&path).expect("there");
+            file.set_modified(time).expect("writable");
+            assert_eq!(are_renewed(&dataset), Ok(is_renewed), "{options:?}, {age} s");
+            let hold = locking::try_lock(&dataset, Access::Read).expect("readable");
+            assert_eq!(hold.is_none(), is_renewed, "{options:?}, {age} s");
+        }
+        fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
+        for text in ["", "{}", r#"{"lease_s":-1}"#, r#"{"lease_s":1e300}"#, &" ".repeat(2000)] {
+            fs::write(&path, text).expect("writable");
+            let file = fs::File::options().write(true).open(&path).expect("there");
+            file.set_modified(SystemTime::now() - Duration::from_secs(3000)).expect("writable");
+            assert_eq!(are_renewed(&dataset), Ok(false), "{text}");
         }
     }
 }
