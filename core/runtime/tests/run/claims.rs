@@ -1,6 +1,5 @@
 //! Several workers that make one dataset: the bytes of one run, whatever happens to the workers and the store.
 
-use crate::fault_store::{Fault, FaultStore};
 use crate::kit::{run, run_with};
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,6 +13,7 @@ use syntable_model::store::{MemStore, StoreFolder};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::Quiet;
 use syntable_runtime::run::{ClaimOptions, RunOptions, status, verify};
+use syntable_testing::fault_store::{Fault, FaultStore};
 use syntable_testing::folder::{files, files_of_store as files_of};
 
 type Files = BTreeMap<String, Vec<u8>>;
