@@ -56,6 +56,8 @@ const LOOSE: usize = 1000;
 const LOOKS: usize = 250;
 /// Files with lines that are read at once.
 const BATCH: usize = 256;
+/// Attempts to write a line while other workers join lines.
+const TRIES: u32 = 5;
 
 impl Journal {
     /// Opens the journal of a dataset, or starts one. A truncated last line is ignored.
@@ -208,8 +210,7 @@ impl Journal {
         let (path, line) = (layout::line(entry.scene), line_of(&entry));
         if self.entries.contains(entry.scene) {
             self.dataset.write(&path, line.as_bytes())?;
-        } else if !self.dataset.write_new(&path, line.as_bytes())? {
-            let present = self.dataset.read(&path)?.unwrap_or_default();
+        } else if let Some(present) = self.write_line(&path, line.as_bytes())? {
             match serde_json::from_slice::<JournalEntry>(&present) {
                 Ok(present) if is_same(&present, &entry) => {}
                 Ok(present) if present.failed() && !entry.failed() => self.dataset.write(&path, line.as_bytes())?,
@@ -229,6 +230,20 @@ impl Journal {
             false if self.loose > LOOSE.max(self.entries.len() / 4) => self.rewrite(),
             _ => Ok(()),
         }
+    }
+
+    /// Writes a new line. Returns the line of another worker instead, if it exists.
+    fn write_line(&self, path: &DatasetPath, line: &[u8]) -> Result<Option<Vec<u8>>> {
+        for _ in 0..TRIES {
+            if self.dataset.write_new(path, line)? {
+                return Ok(None);
+            }
+            if let Some(present) = self.dataset.read(path)? {
+                return Ok(Some(present));
+            }
+            // Another worker has just joined that line. The new one is compared with it after it is written.
+        }
+        Err(vanished(&self.dataset, path))
     }
 
     /// Compares a new line with the line of the same scene that another worker wrote earlier, if that one is joined
@@ -318,6 +333,15 @@ fn json_line(line: &impl serde::Serialize) -> String {
 fn is_same(one: &JournalEntry, other: &JournalEntry) -> bool {
     let agree = one.assets.iter().all(|(name, digest)| other.assets.get(name).is_none_or(|theirs| theirs == digest));
     agree && JournalEntry { assets: other.assets.clone(), ..one.clone() } == *other
+}
+
+/// The error of a file that a store names and does not have.
+fn vanished(dataset: &StoreFolder, path: &DatasetPath) -> Error {
+    let error = io::Error::new(ErrorKind::StaleNetworkFileHandle, "the store lists this file, and does not find it");
+    Error::io(dataset.name_of(path), &error).help(
+        "the list of a folder on a network drive may be a minute old: run the same command again then; if it fails again, \
+         check the drive",
+    )
 }
 
 /// Removes a truncated last line.
@@ -413,12 +437,7 @@ impl JournalLines {
             }
             is_joined = true;
             if !self.missing.insert(file.clone()) {
-                let error =
-                    io::Error::new(ErrorKind::StaleNetworkFileHandle, "the folder lists a file that does not exist");
-                return Err(Error::io(self.dataset.name_of(&file), &error).help(
-                    "the list of a folder on a network drive may be a minute old: run the same command again then; if it fails \
-                     again, check the drive",
-                ));
+                return Err(vanished(&self.dataset, &file));
             }
         }
         if is_joined {
@@ -457,6 +476,7 @@ mod tests {
     use std::sync::Arc;
     use syntable_model::scene::SceneId;
     use syntable_model::store::{MemStore, Store as _};
+    use syntable_testing::fault_store::FaultStore;
 
     /// A dataset in memory, and the bytes of its journal.
     fn dataset() -> (StoreFolder, Arc<MemStore>) {
@@ -584,6 +604,51 @@ mod tests {
         journal.rewrite().expect("written");
         assert!(LineFiles::of(&dataset).expect("listed").is_empty());
         assert_eq!(Journal::entries_of(&dataset).expect("readable").made().count(), 1200);
+    }
+
+    /// A dataset in which another program changes files before one call. The calls are counted from the beginning.
+    fn changing(store: &Arc<MemStore>, call: u32, change: impl Fn(&MemStore) + Send + Sync + 'static) -> StoreFolder {
+        let files = Arc::clone(store);
+        let plan = move |number| {
+            if number == call {
+                change(&files);
+            }
+            None
+        };
+        Arc::new(FaultStore::new(Arc::clone(store), plan)).into()
+    }
+
+    /// A worker finds the line of another worker, which is joined before the first worker reads it.
+    #[test]
+    fn a_line_that_is_joined_meanwhile_is_compared() {
+        let failed = JournalEntry::new(3, 2, SceneOutcome::Failed);
+        for (late, is_same) in [(entry(3), true), (JournalEntry { attempt: 1, ..entry(3) }, false), (failed, true)] {
+            let (_, store) = dataset();
+            // Calls to open the journal: it and the files are listed, and it is opened. Then the line is written.
+            let join = |store: &MemStore| {
+                let line = store.get(&layout::line(3)).expect("there");
+                store.insert(layout::lines_of_thousand(0), line.to_vec());
+                store.remove(&layout::line(3)).expect("removed");
+            };
+            let mut worker = Journal::open_shared(changing(&store, 3, join)).expect("shared");
+            store.insert(layout::line(3), line_of(&entry(3)).into_bytes());
+            let appended = worker.append(late);
+            assert_eq!(appended.is_ok(), is_same, "{appended:?}");
+            assert!(appended.err().is_none_or(|error| error.to_string().contains("another result")));
+            let files = LineFiles::of(&StoreFolder::from(Arc::clone(&store))).expect("listed");
+            assert!(files.paths().eq([layout::lines_of_thousand(0)]), "the joined line stays alone");
+            assert!(Journal::entries_of(Arc::clone(&store)).expect("readable").has(&entry(3)));
+        }
+    }
+
+    /// A folder has the name of the line.
+    #[test]
+    fn a_line_that_is_refused_and_missing_is_named() {
+        let (dataset, store) = dataset();
+        let inside = layout::line(3).join(&DatasetPath::new("x").expect("a path"));
+        store.insert(inside, Vec::new());
+        let error = Journal::open_shared(&dataset).expect("shared").append(entry(3)).expect_err("refused");
+        assert!(error.is_transient() && error.to_string().contains("000003.json"), "{error}");
     }
 
     /// The program writes none of these names. If they counted, it would look for `000003.json` and `004.jsonl`.
