@@ -12,6 +12,7 @@
 
 use crate::bucket::Bucket;
 use crate::failure;
+use crate::moment::Moment;
 use crate::requests::wait_at_most;
 use object_store::path::Path as Key;
 use object_store::{PutMode, UpdateVersion};
@@ -58,7 +59,7 @@ struct State {
 
 /// The last renewal of a lease.
 struct Renewed {
-    at: Instant,
+    at: Moment,
     /// Another program has taken the lease over.
     is_lost: bool,
     /// Why the store refused the last renewal.
@@ -184,7 +185,7 @@ impl Lease {
     }
 
     fn held(bucket: &Arc<Bucket>, key: &Key, owner: u64, (version, locks): (UpdateVersion, &Arc<Locks>)) -> Self {
-        let lease = Mutex::new(Renewed { at: Instant::now(), is_lost: false, refused: None, ends: false });
+        let lease = Mutex::new(Renewed { at: Moment::now(), is_lost: false, refused: None, ends: false });
         let state = Arc::new(State { lease, changed: Condvar::new() });
         locks.held.lock().push(Arc::clone(&state));
         let renews = {
@@ -225,7 +226,7 @@ fn renew(bucket: &Bucket, key: &Key, owner: u64, mut version: UpdateVersion, sta
             }
         }
         // The time of the request counts, not of the answer: others see the renewal at the earliest then.
-        let at = Instant::now();
+        let at = Moment::now();
         match bucket.renew(key, text(owner, number).as_bytes(), version.clone(), times.renewal) {
             Ok(Some(next)) => {
                 version = next;
