@@ -8,6 +8,7 @@
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, LineFiles};
 use crate::run::dataset::layout;
+use crate::run::dataset::requests;
 use crate::run::stop::Stop;
 use parking_lot::{Condvar, Mutex};
 use serde::Deserialize;
@@ -17,6 +18,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant, SystemTime};
 use syntable_model::error::Result;
 use syntable_model::files::DatasetPath;
+use syntable_model::limits::RUN_LIST_BYTES;
 use syntable_model::store::{Kind, StoreFolder};
 
 /// How a worker claims scenes.
@@ -53,6 +55,8 @@ pub struct Claims {
     /// Scenes to make, ascending.
     todo: Vec<u32>,
     blocks: Mutex<Blocks>,
+    /// Held while a thread looks at the claims of other workers.
+    looks: Mutex<()>,
     renews: Option<JoinHandle<()>>,
 }
 
@@ -111,7 +115,7 @@ impl Claims {
             let (shared, pause) = (Arc::clone(&shared), lease / SIGNS);
             thread::spawn(move || shared.renew(pause))
         };
-        Self { shared, options, todo, blocks, renews: Some(renews) }
+        Self { shared, options, todo, blocks, looks: Mutex::default(), renews: Some(renews) }
     }
 
     /// Claims the next block: its number and its scenes without a line. Waits while other workers have all
@@ -121,7 +125,9 @@ impl Claims {
             let mut blocks = self.blocks.lock();
             if blocks.taken >= TAKEN || (blocks.free.is_empty() && !blocks.left.is_empty()) {
                 blocks.taken = 0;
-                self.look(&mut blocks)?;
+                drop(blocks);
+                self.look()?;
+                blocks = self.blocks.lock();
             }
             if let Some(block) = blocks.free.pop() {
                 let older = blocks.others.remove(&block).map_or_else(Vec::new, |other| other.generations);
@@ -196,42 +202,68 @@ impl Claims {
         generations.iter().try_for_each(|generation| dataset.remove(&layout::claim(block, *generation)))
     }
 
-    /// Looks at all claims and lines: finds blocks that are done, and blocks that are free again.
-    fn look(&self, blocks: &mut Blocks) -> Result<()> {
+    /// Looks at all claims and lines: finds blocks that are done, and blocks that are free again. If another thread of this
+    /// worker is looking, waits for it instead.
+    fn look(&self) -> Result<()> {
+        let Some(_looks) = self.looks.try_lock() else {
+            drop(self.looks.lock());
+            return Ok(());
+        };
         let dataset = &self.shared.dataset;
-        let claims = claims_of(dataset)?;
+        let mut claims = claims_of(dataset)?;
         // Lines are listed after claims: a worker writes its lines before it gives its claim back.
         let lines = LineFiles::of(dataset)?;
-        let held = self.shared.held.lock().claims.clone();
-        blocks
-            .left
-            .retain(|block| held.contains_key(block) || !self.scenes_of(*block).iter().all(|scene| lines.has(*scene)));
-        let Blocks { left, free, others, .. } = blocks;
+        {
+            let mut blocks = self.blocks.lock();
+            let held = self.shared.held.lock();
+            let is_made = |block: u32| self.scenes_of(block).iter().all(|scene| lines.has(*scene));
+            blocks.left.retain(|block| held.claims.contains_key(block) || !is_made(*block));
+            claims.retain(|block, _| blocks.left.contains(block) && !held.claims.contains_key(block));
+        }
+        // Other threads claim blocks and give them back meanwhile.
+        let start = Instant::now();
+        let newest = claims.iter().filter_map(|(block, generations)| Some(layout::claim(*block, *generations.last()?)));
+        let contents = requests::read(dataset, &newest.collect::<Vec<_>>(), &RUN_LIST_BYTES)?;
+        let mut claims: BTreeMap<u32, Other> = claims
+            .into_iter()
+            .zip(contents)
+            .map(|((block, generations), content)| {
+                (block, Other { generations, content: content.unwrap_or_default(), since: Instant::now() })
+            })
+            .collect();
+        let mut blocks = self.blocks.lock();
+        let held = self.shared.held.lock();
+        let Blocks { left, free, others, .. } = &mut *blocks;
         let known: BTreeSet<u32> = free.iter().copied().collect();
         let (mut claimed, mut again) = (BTreeSet::new(), Vec::new());
         others.retain(|block, _| left.contains(block));
-        for &block in left.iter().filter(|block| !held.contains_key(block)) {
-            let Some((generations, newest)) = claims.get(&block).and_then(|all| Some((all, *all.last()?))) else {
-                others.remove(&block);
+        for &block in left.iter().filter(|block| !held.claims.contains_key(block)) {
+            let seen = others.remove(&block);
+            let Some(mut found) = claims.remove(&block) else {
                 if !known.contains(&block) {
                     again.push(block);
                 }
                 continue;
             };
-            let content = foreign::read(dataset, &layout::claim(block, newest))?;
-            let since = match others.remove(&block) {
-                Some(seen) if seen.generations.last() == Some(&newest) && seen.content == content => seen.since,
-                _ => Instant::now(),
-            };
-            others.insert(block, Other { generations: generations.clone(), content, since });
+            if let Some(seen) = seen.filter(|seen| seen.is_same(&found)) {
+                found.since = seen.since;
+            }
             claimed.insert(block);
-            if since.elapsed() > self.options.lease {
+            if start.saturating_duration_since(found.since) > self.options.lease {
                 again.push(block);
             }
+            others.insert(block, found);
         }
         free.retain(|block| left.contains(block) && !claimed.contains(block));
         free.append(&mut again);
         Ok(())
+    }
+}
+
+impl Other {
+    /// Whether a claim got no sign of life between two looks.
+    fn is_same(&self, other: &Self) -> bool {
+        self.generations.last() == other.generations.last() && self.content == other.content
     }
 }
 
@@ -336,7 +368,10 @@ mod tests {
     use super::*;
     use crate::run::dataset::locking;
     use std::fs;
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::sync::{OnceLock, Weak};
     use syntable_model::store::{Access, MemStore};
+    use syntable_testing::fault_store::{Fault, FaultStore};
 
     const OPTIONS: ClaimOptions = ClaimOptions { block: 1, lease: Duration::from_millis(40) };
 
@@ -360,7 +395,7 @@ mod tests {
             let store = Arc::new(MemStore::default());
             leave(&store, name);
             let claims = Claims::new(&Arc::clone(&store).into(), "0", OPTIONS, 0..1);
-            claims.look(&mut claims.blocks.lock()).expect("readable");
+            claims.look().expect("readable");
             assert_eq!(claims.next(&Stop::default()), Ok(Some((0, vec![0]))), "{name}");
             assert!(names(&store).contains(&"000000.json".to_owned()), "{name}");
             claims.done(0).expect("given back");
@@ -378,7 +413,7 @@ mod tests {
             let store = Arc::new(MemStore::default());
             left.iter().for_each(|name| leave(&store, name));
             let claims = Claims::new(&Arc::clone(&store).into(), "0", OPTIONS, 0..1);
-            claims.look(&mut claims.blocks.lock()).expect("readable");
+            claims.look().expect("readable");
             assert_eq!(claims.next(&Stop::default()), Ok(Some((0, vec![0]))), "{left:?}");
             assert!(names(&store).contains(&taken.to_owned()), "{left:?}");
             drop(claims);
@@ -419,5 +454,34 @@ mod tests {
             file.set_modified(SystemTime::now() - Duration::from_secs(3000)).expect("writable");
             assert_eq!(are_renewed(&dataset), Ok(false), "{text}");
         }
+    }
+
+    /// Each call takes 20 ms, as in an object store.
+    #[test]
+    fn a_look_reads_claims_at_once_and_stops_no_thread() {
+        let store = Arc::new(MemStore::remote());
+        (0..64).for_each(|block| leave(&store, &format!("{block:06}.json")));
+        let looking: Arc<OnceLock<Weak<Claims>>> = Arc::default();
+        let (calls, waits): (Arc<AtomicU32>, Arc<AtomicU32>) = Default::default();
+        let plan = {
+            let (looking, calls, waits) = (Arc::clone(&looking), Arc::clone(&calls), Arc::clone(&waits));
+            move |_| {
+                let claims = looking.get()?.upgrade()?;
+                calls.fetch_add(1, Ordering::SeqCst);
+                let has_to_wait = claims.blocks.try_lock().is_none();
+                waits.fetch_add(u32::from(has_to_wait), Ordering::SeqCst);
+                Some(Fault::Slow(Duration::from_millis(20)))
+            }
+        };
+        let slow = Arc::new(FaultStore::new(Arc::clone(&store), plan));
+        let options = ClaimOptions { block: 1, lease: Duration::from_secs(60) };
+        let claims = Arc::new(Claims::new(&slow.into(), "0", options, 0..65));
+        looking.set(Arc::downgrade(&claims)).expect("once");
+        let start = Instant::now();
+        claims.look().expect("readable");
+        let elapsed = start.elapsed();
+        assert_eq!((calls.load(Ordering::SeqCst), waits.load(Ordering::SeqCst)), (2 + 64, 0));
+        assert!(elapsed < Duration::from_millis(64 * 20 / 2), "{elapsed:?}");
+        assert_eq!(claims.next(&Stop::default()), Ok(Some((64, vec![64]))), "the other blocks are claimed");
     }
 }
