@@ -4,6 +4,7 @@
 //! one file, which must be new, and removes the others. A line beside the file of its thousand came later, and
 //! counts.
 
+use crate::run::dataset::foreign::read_bounded;
 use crate::run::dataset::layout;
 use crate::run::dataset::requests;
 use std::collections::BTreeMap;
@@ -65,7 +66,7 @@ impl LineFiles {
         self.joined.iter().copied().map(layout::lines_of_thousand).chain(lines)
     }
 
-    /// Joins the lines of each thousand that has all of them.
+    /// Joins the lines of each thousand that has all of them. A line that another worker has replaced meanwhile stays.
     pub(super) fn join(&self, dataset: &StoreFolder) -> Result<()> {
         let is_whole = |(thousand, scenes): &(&u32, &Vec<u32>)| {
             scenes.len() == JOINED as usize && self.joined.binary_search(thousand).is_err()
@@ -76,7 +77,10 @@ impl LineFiles {
             // Another worker joins them at this moment.
             let Some(lines) = read else { continue };
             if dataset.write_new(&layout::lines_of_thousand(thousand), &lines.concat())? {
-                requests::each(dataset, paths.len(), &|number| dataset.remove(&paths[number]))?;
+                requests::each(dataset, paths.len(), &|number| {
+                    let present = read_bounded(dataset, &paths[number], &RUN_LIST_BYTES)?;
+                    if present.as_ref() == Some(&lines[number]) { dataset.remove(&paths[number]) } else { Ok(()) }
+                })?;
             }
         }
         Ok(())

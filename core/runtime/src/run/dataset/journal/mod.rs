@@ -641,6 +641,26 @@ mod tests {
         }
     }
 
+    /// Another worker makes a scene while the line of its failure is joined.
+    #[test]
+    fn a_line_that_is_replaced_while_it_is_joined_stays() {
+        let (_, store) = dataset();
+        let failed = JournalEntry::new(7, 2, SceneOutcome::Failed);
+        for scene in 0..JOINED {
+            let line = if scene == 7 { &failed } else { &entry(scene) };
+            store.insert(layout::line(scene), line_of(line).into_bytes());
+        }
+        // One call lists the lines, and each of the next calls reads one. Then they are written.
+        let make = |store: &MemStore| store.insert(layout::line(7), line_of(&entry(7)).into_bytes());
+        let changing = changing(&store, 1 + JOINED, make);
+        LineFiles::of(&changing).expect("listed").join(&changing).expect("joined");
+        let joined = store.get(&layout::lines_of_thousand(0)).expect("there");
+        assert!(joined.windows(8).any(|part| part == b"\"failed\""));
+        let files = LineFiles::of(&StoreFolder::from(Arc::clone(&store))).expect("listed");
+        assert!(files.paths().eq([layout::lines_of_thousand(0), layout::line(7)]));
+        assert_eq!(Journal::entries_of(store).expect("readable").made().count(), JOINED as usize);
+    }
+
     /// A folder has the name of the line.
     #[test]
     fn a_line_that_is_refused_and_missing_is_named() {
