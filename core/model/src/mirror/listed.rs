@@ -55,10 +55,7 @@ impl Listed {
 /// Orders paths folder by folder. Of two names, the first difference counts; digits there count as a number.
 pub fn natural(one: &str, other: &str) -> Ordering {
     let (mut left, mut right) = (one.as_bytes(), other.as_bytes());
-    loop {
-        let (Some(&a), Some(&b)) = (left.first(), right.first()) else {
-            break;
-        };
+    while let (Some(&a), Some(&b)) = (left.first(), right.first()) {
         if a.is_ascii_digit() && b.is_ascii_digit() {
             let number = |text: &[u8]| text.iter().take_while(|byte| byte.is_ascii_digit()).count();
             let (ends, zeros) =

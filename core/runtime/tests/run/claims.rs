@@ -1,6 +1,5 @@
 //! Several workers that make one dataset: the bytes of one run, whatever happens to the workers and the store.
 
-use crate::fault_store::{Fault, FaultStore};
 use crate::kit::{run, run_with};
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,6 +15,7 @@ use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::{Event, Quiet, Reporter};
 use syntable_runtime::run::stop::Stop;
 use syntable_runtime::run::{ClaimOptions, RunOptions, status, verify};
+use syntable_testing::fault_store::{Fault, FaultStore};
 use syntable_testing::folder::{files, files_of_store as files_of};
 
 type Files = BTreeMap<String, Vec<u8>>;

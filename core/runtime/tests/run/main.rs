@@ -4,7 +4,6 @@
 mod claims;
 mod devices;
 mod draws;
-mod fault_store;
 mod generate;
 mod growth;
 #[cfg(unix)]

@@ -1,6 +1,5 @@
 //! Datasets in memory, and stores that fail or are killed at any call: the resulting bytes are the same.
 
-use crate::fault_store::{Fault, FaultStore};
 use crate::kit::{registry, run, run_with};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,6 +9,7 @@ use syntable_model::store::{Access, MemStore, StoreFolder};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::Quiet;
 use syntable_runtime::run::{MergeOptions, RunOptions, merge, verify};
+use syntable_testing::fault_store::{Fault, FaultStore};
 use syntable_testing::folder::{files, files_of_store as files_of};
 
 type Files = BTreeMap<String, Vec<u8>>;

@@ -12,6 +12,7 @@
 
 use crate::bucket::Bucket;
 use crate::failure;
+use crate::moment::Moment;
 use crate::requests::wait_at_most;
 use object_store::path::Path as Key;
 use object_store::{PutMode, UpdateVersion};
@@ -58,7 +59,7 @@ struct State {
 
 /// The last renewal of a lease.
 struct Renewed {
-    at: Instant,
+    at: Moment,
     /// Another program has taken the lease over.
     is_lost: bool,
     /// Why the store refused the last renewal.
@@ -123,12 +124,20 @@ impl Lease {
 
     /// Shares a lease; none if another program holds it alone.
     pub fn share(bucket: &Arc<Bucket>, key: &Key, locks: &Arc<Locks>) -> object_store::Result<Option<Self>> {
-        let own = Key::from(format!("{}/{:016x}", shares(key), RandomState::new().build_hasher().finish()));
+        let own = Key::from(format!("{}/{:016x}", shares(key), new_owner()));
         let Some(shared) = Self::take_one(bucket, &own, locks)? else { return Ok(None) };
-        Ok(if Self::is_free(bucket, key, locks.times)? { Some(shared) } else { None })
+        let Some((present, version)) = bucket.get(key)? else { return Ok(Some(shared)) };
+        let is_free = match watch(bucket, key, &present, locks.times)? {
+            Watched::Renewed => false,
+            Watched::Gone => true,
+            // Its owner may be suspended. It must find that it has lost the lease, so this program takes the lease for a moment.
+            Watched::Ended => Self::take_over(bucket, key, version, locks)?.is_some(),
+        };
+        Ok(is_free.then_some(shared))
     }
 
-    /// Whether no program holds a lease alone. Waits until an abandoned lease ends.
+    /// Whether no program holds a lease alone. Waits until an abandoned lease ends, and leaves it as it is: a reader may have no
+    /// right to write, so a suspended owner that continues writes beside it.
     pub fn is_free(bucket: &Bucket, key: &Key, times: LeaseTimes) -> object_store::Result<bool> {
         let Some((present, _)) = bucket.get(key)? else { return Ok(true) };
         Ok(!matches!(watch(bucket, key, &present, times)?, Watched::Renewed))
@@ -147,9 +156,9 @@ impl Lease {
 
     /// Takes the lease of a key.
     fn take_one(bucket: &Arc<Bucket>, key: &Key, locks: &Arc<Locks>) -> object_store::Result<Option<Self>> {
-        let owner = RandomState::new().build_hasher().finish();
         loop {
             let Some((present, version)) = bucket.get(key)? else {
+                let owner = new_owner();
                 match bucket.put_if(key, text(owner, 0).as_bytes(), PutMode::Create)? {
                     Some(version) => return Ok(Some(Self::held(bucket, key, owner, (version, locks)))),
                     None => continue,
@@ -158,16 +167,25 @@ impl Lease {
             match watch(bucket, key, &present, locks.times)? {
                 Watched::Renewed => return Ok(None),
                 Watched::Gone => {}
-                Watched::Ended => {
-                    let taken = bucket.put_if(key, text(owner, 0).as_bytes(), PutMode::Update(version))?;
-                    return Ok(taken.map(|version| Self::held(bucket, key, owner, (version, locks))));
-                }
+                Watched::Ended => return Self::take_over(bucket, key, version, locks),
             }
         }
     }
 
+    /// Takes an abandoned lease over, if it is still the same.
+    fn take_over(
+        bucket: &Arc<Bucket>,
+        key: &Key,
+        version: UpdateVersion,
+        locks: &Arc<Locks>,
+    ) -> object_store::Result<Option<Self>> {
+        let owner = new_owner();
+        let taken = bucket.put_if(key, text(owner, 0).as_bytes(), PutMode::Update(version))?;
+        Ok(taken.map(|version| Self::held(bucket, key, owner, (version, locks))))
+    }
+
     fn held(bucket: &Arc<Bucket>, key: &Key, owner: u64, (version, locks): (UpdateVersion, &Arc<Locks>)) -> Self {
-        let lease = Mutex::new(Renewed { at: Instant::now(), is_lost: false, refused: None, ends: false });
+        let lease = Mutex::new(Renewed { at: Moment::now(), is_lost: false, refused: None, ends: false });
         let state = Arc::new(State { lease, changed: Condvar::new() });
         locks.held.lock().push(Arc::clone(&state));
         let renews = {
@@ -208,7 +226,7 @@ fn renew(bucket: &Bucket, key: &Key, owner: u64, mut version: UpdateVersion, sta
             }
         }
         // The time of the request counts, not of the answer: others see the renewal at the earliest then.
-        let at = Instant::now();
+        let at = Moment::now();
         match bucket.renew(key, text(owner, number).as_bytes(), version.clone(), times.renewal) {
             Ok(Some(next)) => {
                 version = next;
@@ -236,6 +254,10 @@ fn renew(bucket: &Bucket, key: &Key, owner: u64, mut version: UpdateVersion, sta
         }
         state.changed.notify_all();
     }
+}
+
+fn new_owner() -> u64 {
+    RandomState::new().build_hasher().finish()
 }
 
 fn text_of(owner: u64) -> String {

@@ -16,6 +16,7 @@ mod connection;
 mod content;
 mod failure;
 mod lease;
+mod moment;
 mod objects;
 mod profile;
 mod requests;

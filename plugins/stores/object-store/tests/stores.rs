@@ -5,7 +5,7 @@ use object_store::memory::InMemory;
 use object_store::path::Path as Key;
 use object_store::{
     CopyOptions, Error as Failure, GetOptions, GetResult, ListResult, MultipartUpload, ObjectMeta, ObjectStore,
-    ObjectStoreExt, PutMode, PutMultipartOptions, PutOptions, PutPayload, PutResult, Result as Answer,
+    ObjectStoreExt, PutMode, PutMultipartOptions, PutOptions, PutPayload, PutResult, Result as Answer, UpdateVersion,
 };
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
@@ -88,6 +88,32 @@ fn a_lease_that_nobody_renews_is_taken_over() {
     });
     assert_eq!(taken, 1, "one of many takes it over");
     assert!(start.elapsed() >= TIMES.lasts, "after its time");
+}
+
+/// A suspended run continues when others share its dataset.
+#[test]
+fn who_shares_an_ended_lease_takes_it_from_its_owner() {
+    let store: Arc<dyn ObjectStore> = Arc::new(InMemory::new());
+    let key = Key::from(".syntable/lock");
+    let text = |renewal: u32| format!("{{\"owner\":\"0123456789abcdef\",\"renewal\":{renewal}}}\n");
+    let left = requests().block_on(store.put(&key, text(7).into())).expect("written");
+    let shared = thread::scope(|threads| {
+        let sharers = [(); 3].map(|()| {
+            let files = folder(Arc::clone(&store));
+            threads.spawn(move || {
+                let tries = (0..3).map(|_| files.lock(&path(".syntable/lock"), Access::Share).expect("readable"));
+                tries.into_iter().flatten().next()
+            })
+        });
+        sharers.map(|sharer| sharer.join().expect("no panic"))
+    });
+    assert!(shared.iter().all(Option::is_some), "each of them shares it");
+    let mode = PutMode::Update(UpdateVersion { e_tag: left.e_tag, version: left.version });
+    let options = PutOptions { mode, ..PutOptions::default() };
+    let renewed = requests().block_on(store.put_opts(&key, text(8).into(), options));
+    assert!(renewed.is_err(), "{renewed:?}");
+    let third = folder(Arc::clone(&store));
+    assert!(third.lock(&path(".syntable/lock"), Access::Write).expect("readable").is_none(), "it is shared");
 }
 
 #[test]

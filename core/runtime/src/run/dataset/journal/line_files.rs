@@ -4,13 +4,14 @@
 //! one file, which must be new, and removes the others. A line beside the file of its thousand came later, and
 //! counts.
 
+use crate::run::dataset::foreign::read_bounded;
 use crate::run::dataset::layout;
 use crate::run::dataset::requests;
 use std::collections::BTreeMap;
 use syntable_model::error::Result;
 use syntable_model::files::DatasetPath;
 use syntable_model::limits::RUN_LIST_BYTES;
-use syntable_model::store::StoreFolder;
+use syntable_model::store::{Kind, StoreFolder};
 
 /// Scenes of a joined file.
 pub(super) const JOINED: u32 = 1000;
@@ -25,13 +26,20 @@ pub struct LineFiles {
 }
 
 impl LineFiles {
-    /// Lists the files.
+    /// Lists the files. Folders, and files with names that the program does not write, are left out.
     pub fn of(dataset: &StoreFolder) -> Result<Self> {
-        let mut files = Self::default();
-        for (name, _) in dataset.list(&layout::lines())? {
-            if let Some(scene) = name.strip_suffix(".json").and_then(|number| number.parse::<u32>().ok()) {
+        let (mut files, folder) = (Self::default(), layout::lines());
+        let number = |name: &str, end: &str, path: fn(u32) -> DatasetPath| {
+            let number: u32 = name.strip_suffix(end)?.parse().ok()?;
+            (path(number).as_str() == format!("{folder}/{name}")).then_some(number)
+        };
+        for (name, kind) in dataset.list(&folder)? {
+            if kind == Kind::Folder {
+                continue;
+            }
+            if let Some(scene) = number(&name, ".json", layout::line) {
                 files.lines.entry(scene / JOINED).or_default().push(scene);
-            } else if let Some(thousand) = name.strip_suffix(".jsonl").and_then(|number| number.parse().ok()) {
+            } else if let Some(thousand) = number(&name, ".jsonl", layout::lines_of_thousand) {
                 files.joined.push(thousand);
             }
         }
@@ -58,7 +66,7 @@ impl LineFiles {
         self.joined.iter().copied().map(layout::lines_of_thousand).chain(lines)
     }
 
-    /// Joins the lines of each thousand that has all of them.
+    /// Joins the lines of each thousand that has all of them. A line that another worker has replaced meanwhile stays.
     pub(super) fn join(&self, dataset: &StoreFolder) -> Result<()> {
         let is_whole = |(thousand, scenes): &(&u32, &Vec<u32>)| {
             scenes.len() == JOINED as usize && self.joined.binary_search(thousand).is_err()
@@ -69,7 +77,10 @@ impl LineFiles {
             // Another worker joins them at this moment.
             let Some(lines) = read else { continue };
             if dataset.write_new(&layout::lines_of_thousand(thousand), &lines.concat())? {
-                requests::each(dataset, paths.len(), &|number| dataset.remove(&paths[number]))?;
+                requests::each(dataset, paths.len(), &|number| {
+                    let present = read_bounded(dataset, &paths[number], &RUN_LIST_BYTES)?;
+                    if present.as_ref() == Some(&lines[number]) { dataset.remove(&paths[number]) } else { Ok(()) }
+                })?;
             }
         }
         Ok(())

@@ -21,7 +21,7 @@ use crate::run::dataset::requests;
 use entries::EntriesBuilder;
 use line_files::JOINED;
 use std::collections::{BTreeSet, VecDeque};
-use std::io::{BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read};
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
@@ -56,6 +56,8 @@ const LOOSE: usize = 1000;
 const LOOKS: usize = 250;
 /// Files with lines that are read at once.
 const BATCH: usize = 256;
+/// Attempts to write a line while other workers join lines.
+const TRIES: u32 = 5;
 
 impl Journal {
     /// Opens the journal of a dataset, or starts one. A truncated last line is ignored.
@@ -208,8 +210,7 @@ impl Journal {
         let (path, line) = (layout::line(entry.scene), line_of(&entry));
         if self.entries.contains(entry.scene) {
             self.dataset.write(&path, line.as_bytes())?;
-        } else if !self.dataset.write_new(&path, line.as_bytes())? {
-            let present = self.dataset.read(&path)?.unwrap_or_default();
+        } else if let Some(present) = self.write_line(&path, line.as_bytes())? {
             match serde_json::from_slice::<JournalEntry>(&present) {
                 Ok(present) if is_same(&present, &entry) => {}
                 Ok(present) if present.failed() && !entry.failed() => self.dataset.write(&path, line.as_bytes())?,
@@ -229,6 +230,20 @@ impl Journal {
             false if self.loose > LOOSE.max(self.entries.len() / 4) => self.rewrite(),
             _ => Ok(()),
         }
+    }
+
+    /// Writes a new line. Returns the line of another worker instead, if it exists.
+    fn write_line(&self, path: &DatasetPath, line: &[u8]) -> Result<Option<Vec<u8>>> {
+        for _ in 0..TRIES {
+            if self.dataset.write_new(path, line)? {
+                return Ok(None);
+            }
+            if let Some(present) = self.dataset.read(path)? {
+                return Ok(Some(present));
+            }
+            // Another worker has just joined that line. The new one is compared with it after it is written.
+        }
+        Err(vanished(&self.dataset, path))
     }
 
     /// Compares a new line with the line of the same scene that another worker wrote earlier, if that one is joined
@@ -320,6 +335,15 @@ fn is_same(one: &JournalEntry, other: &JournalEntry) -> bool {
     agree && JournalEntry { assets: other.assets.clone(), ..one.clone() } == *other
 }
 
+/// The error of a file that a store names and does not have.
+fn vanished(dataset: &StoreFolder, path: &DatasetPath) -> Error {
+    let error = io::Error::new(ErrorKind::StaleNetworkFileHandle, "the store lists this file, and does not find it");
+    Error::io(dataset.name_of(path), &error).help(
+        "the list of a folder on a network drive may be a minute old: run the same command again then; if it fails again, \
+         check the drive",
+    )
+}
+
 /// Removes a truncated last line.
 fn cut(dataset: &StoreFolder, whole: u64) -> Result<()> {
     let path = layout::journal();
@@ -341,6 +365,8 @@ pub struct JournalLines {
     rest: VecDeque<DatasetPath>,
     /// The first lines of these files, read already.
     read: VecDeque<(Place, Vec<u8>)>,
+    /// Files that a list named and that did not exist.
+    missing: BTreeSet<DatasetPath>,
     line: Vec<u8>,
 }
 
@@ -359,7 +385,8 @@ impl JournalLines {
         let rest = LineFiles::of(dataset)?.paths().collect();
         let opened = dataset.open(&file)?.map(BufReader::new);
         let (dataset, place) = (dataset.clone(), Place { file, line: 0 });
-        Ok(Self { dataset, place, file: opened, rest, read: VecDeque::new(), line: Vec::new() })
+        let (read, missing) = (VecDeque::new(), BTreeSet::new());
+        Ok(Self { dataset, place, file: opened, rest, read, missing, line: Vec::new() })
     }
 
     /// The next line with its line end, which a truncated last line lacks. Refuses a line longer than
@@ -370,41 +397,56 @@ impl JournalLines {
 
     /// Reads the next line. Returns `false` after the last one.
     fn advance(&mut self) -> Result<bool> {
-        let Some(file) = &mut self.file else { return self.advance_file() };
-        self.line.clear();
-        self.place.line += 1;
-        let name = || self.dataset.name_of(&self.place.file);
-        let read = file.take(RUN_LIST_BYTES.most + 1).read_until(b'\n', &mut self.line);
-        let read = read.map_err(|error| Error::io(name(), &error))?;
-        RUN_LIST_BYTES.check(read as u64).map_err(|error| error.in_file(name()).at_line(self.place.line))?;
-        if read > 0 {
-            return Ok(true);
+        loop {
+            if let Some(file) = &mut self.file {
+                self.line.clear();
+                self.place.line += 1;
+                let name = || self.dataset.name_of(&self.place.file);
+                let read = file.take(RUN_LIST_BYTES.most + 1).read_until(b'\n', &mut self.line);
+                let read = read.map_err(|error| Error::io(name(), &error))?;
+                RUN_LIST_BYTES.check(read as u64).map_err(|error| error.in_file(name()).at_line(self.place.line))?;
+                if read > 0 {
+                    return Ok(true);
+                }
+                self.file = None;
+            }
+            if let Some((place, line)) = self.read.pop_front() {
+                (self.place, self.line) = (place, line);
+                return Ok(true);
+            }
+            if self.rest.is_empty() {
+                return Ok(false);
+            }
+            self.read_files()?;
         }
-        self.file = None;
-        self.advance_file()
     }
 
-    /// Reads the next line that is a file of its own.
-    fn advance_file(&mut self) -> Result<bool> {
-        while self.read.is_empty() && !self.rest.is_empty() {
-            let paths: Vec<DatasetPath> = self.rest.drain(..BATCH.min(self.rest.len())).collect();
-            let read = requests::read(&self.dataset, &paths, &RUN_LIST_BYTES)?;
-            let is_joined = read.iter().any(Option::is_none);
-            for (file, bytes) in paths.into_iter().zip(read).filter_map(|(path, bytes)| Some((path, bytes?))) {
+    /// Reads the next files with lines. If a worker has joined some since they were listed, the journal starts again.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or two lists name it and it does not exist.
+    fn read_files(&mut self) -> Result<()> {
+        let paths: Vec<DatasetPath> = self.rest.drain(..BATCH.min(self.rest.len())).collect();
+        let read = requests::read(&self.dataset, &paths, &RUN_LIST_BYTES)?;
+        let mut is_joined = false;
+        for (file, bytes) in paths.into_iter().zip(read) {
+            if let Some(bytes) = bytes {
                 let lines = bytes.split_inclusive(|byte| *byte == b'\n').zip(1..);
                 self.read.extend(lines.map(|(text, line)| (Place { file: file.clone(), line }, text.to_owned())));
+                continue;
             }
-            if is_joined {
-                // A worker has joined lines since they were listed. All that follow, and the joined ones, are read once more.
-                self.rest = LineFiles::of(&self.dataset)?.paths().collect();
-                self.place = Place { file: layout::journal(), line: 0 };
-                self.file = self.dataset.open(&self.place.file)?.map(BufReader::new);
-                return self.advance();
+            is_joined = true;
+            if !self.missing.insert(file.clone()) {
+                return Err(vanished(&self.dataset, &file));
             }
         }
-        let Some((place, line)) = self.read.pop_front() else { return Ok(false) };
-        (self.place, self.line) = (place, line);
-        Ok(true)
+        if is_joined {
+            // All files that follow, and the joined lines, are read once more.
+            self.rest = LineFiles::of(&self.dataset)?.paths().collect();
+            self.place = Place { file: layout::journal(), line: 0 };
+            self.file = self.dataset.open(&self.place.file)?.map(BufReader::new);
+        }
+        Ok(())
     }
 }
 
@@ -433,7 +475,8 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
     use syntable_model::scene::SceneId;
-    use syntable_model::store::MemStore;
+    use syntable_model::store::{MemStore, Store as _};
+    use syntable_testing::fault_store::FaultStore;
 
     /// A dataset in memory, and the bytes of its journal.
     fn dataset() -> (StoreFolder, Arc<MemStore>) {
@@ -561,6 +604,103 @@ mod tests {
         journal.rewrite().expect("written");
         assert!(LineFiles::of(&dataset).expect("listed").is_empty());
         assert_eq!(Journal::entries_of(&dataset).expect("readable").made().count(), 1200);
+    }
+
+    /// A dataset in which another program changes files before one call. The calls are counted from the beginning.
+    fn changing(store: &Arc<MemStore>, call: u32, change: impl Fn(&MemStore) + Send + Sync + 'static) -> StoreFolder {
+        let files = Arc::clone(store);
+        let plan = move |number| {
+            if number == call {
+                change(&files);
+            }
+            None
+        };
+        Arc::new(FaultStore::new(Arc::clone(store), plan)).into()
+    }
+
+    /// A worker finds the line of another worker, which is joined before the first worker reads it.
+    #[test]
+    fn a_line_that_is_joined_meanwhile_is_compared() {
+        let failed = JournalEntry::new(3, 2, SceneOutcome::Failed);
+        for (late, is_same) in [(entry(3), true), (JournalEntry { attempt: 1, ..entry(3) }, false), (failed, true)] {
+            let (_, store) = dataset();
+            // Calls to open the journal: it and the files are listed, and it is opened. Then the line is written.
+            let join = |store: &MemStore| {
+                let line = store.get(&layout::line(3)).expect("there");
+                store.insert(layout::lines_of_thousand(0), line.to_vec());
+                store.remove(&layout::line(3)).expect("removed");
+            };
+            let mut worker = Journal::open_shared(changing(&store, 3, join)).expect("shared");
+            store.insert(layout::line(3), line_of(&entry(3)).into_bytes());
+            let appended = worker.append(late);
+            assert_eq!(appended.is_ok(), is_same, "{appended:?}");
+            assert!(appended.err().is_none_or(|error| error.to_string().contains("another result")));
+            let files = LineFiles::of(&StoreFolder::from(Arc::clone(&store))).expect("listed");
+            assert!(files.paths().eq([layout::lines_of_thousand(0)]), "the joined line stays alone");
+            assert!(Journal::entries_of(Arc::clone(&store)).expect("readable").has(&entry(3)));
+        }
+    }
+
+    /// Another worker makes a scene while the line of its failure is joined.
+    #[test]
+    fn a_line_that_is_replaced_while_it_is_joined_stays() {
+        let (_, store) = dataset();
+        let failed = JournalEntry::new(7, 2, SceneOutcome::Failed);
+        for scene in 0..JOINED {
+            let line = if scene == 7 { &failed } else { &entry(scene) };
+            store.insert(layout::line(scene), line_of(line).into_bytes());
+        }
+        // One call lists the lines, and each of the next calls reads one. Then they are written.
+        let make = |store: &MemStore| store.insert(layout::line(7), line_of(&entry(7)).into_bytes());
+        let changing = changing(&store, 1 + JOINED, make);
+        LineFiles::of(&changing).expect("listed").join(&changing).expect("joined");
+        let joined = store.get(&layout::lines_of_thousand(0)).expect("there");
+        assert!(joined.windows(8).any(|part| part == b"\"failed\""));
+        let files = LineFiles::of(&StoreFolder::from(Arc::clone(&store))).expect("listed");
+        assert!(files.paths().eq([layout::lines_of_thousand(0), layout::line(7)]));
+        assert_eq!(Journal::entries_of(store).expect("readable").made().count(), JOINED as usize);
+    }
+
+    /// A folder has the name of the line.
+    #[test]
+    fn a_line_that_is_refused_and_missing_is_named() {
+        let (dataset, store) = dataset();
+        let inside = layout::line(3).join(&DatasetPath::new("x").expect("a path"));
+        store.insert(inside, Vec::new());
+        let error = Journal::open_shared(&dataset).expect("shared").append(entry(3)).expect_err("refused");
+        assert!(error.is_transient() && error.to_string().contains("000003.json"), "{error}");
+    }
+
+    /// The program writes none of these names. If they counted, it would look for `000003.json` and `004.jsonl`.
+    #[test]
+    fn foreign_names_are_no_lines() {
+        let (dataset, store) = dataset();
+        let mut shared = Journal::open_shared(&dataset).expect("shared");
+        (0..3).for_each(|scene| shared.append(entry(scene)).expect("written"));
+        for name in ["3.json", "+3.json", "0000003.json", "4.jsonl", "0004.jsonl", "000003.json/x", "004.jsonl/x"] {
+            let path = layout::lines().join(&DatasetPath::new(name).expect("a path"));
+            store.insert(path.clone(), line_of(&entry(3)).into_bytes());
+            let files = LineFiles::of(&dataset).expect("listed");
+            assert!(files.paths().eq((0..3).map(layout::line)) && !files.has(3) && !files.has(4000), "{name}");
+            assert!(Journal::entries_of(&dataset).expect("readable").scenes().eq(0..3), "{name}");
+            store.remove(&path).expect("removed");
+        }
+    }
+
+    /// As where the list of a folder is old.
+    #[test]
+    fn a_listed_file_that_does_not_exist_is_named() {
+        let (dataset, store) = dataset();
+        for journal in [None, Some(line_of(&entry(0)))] {
+            journal.iter().for_each(|line| set(&store, line.as_bytes()));
+            let mut lines = JournalLines::open(&dataset).expect("readable");
+            // It was joined after the list was made, and the journal starts again.
+            lines.rest.push_back(layout::line(7));
+            while lines.advance().expect("readable") {}
+            lines.rest.push_back(layout::line(7));
+            let error = lines.advance().expect_err("twice");
+            assert!(error.is_transient() && error.to_string().contains("000007.json"), "{error}");
+        }
     }
 
     #[test]

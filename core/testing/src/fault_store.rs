@@ -51,6 +51,8 @@ enum Turn {
 }
 
 impl FaultStore {
+    /// A store with the files of `inner`. `plan` is asked before each call, and may change these files: another program
+    /// does so between two calls.
     pub fn new(inner: Arc<MemStore>, plan: impl Fn(u32) -> Option<Fault> + Send + Sync + 'static) -> Self {
         Self { inner, plan: Box::new(plan), calls: AtomicU32::new(0), killed: Arc::default() }
     }
