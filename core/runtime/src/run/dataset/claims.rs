@@ -8,11 +8,8 @@
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, LineFiles};
 use crate::run::dataset::layout;
-<<<<<<< HEAD
-use crate::run::dataset::vanished::vanished;
-=======
 use crate::run::dataset::requests;
->>>>>>> h/runtime
+use crate::run::dataset::vanished::vanished;
 use crate::run::stop::Stop;
 use parking_lot::{Condvar, Mutex};
 use serde::Deserialize;
@@ -115,18 +112,15 @@ impl Claims {
         let start = u64::from_str_radix(worker, 16).unwrap_or_default() % (free.len() as u64).max(1);
         free.rotate_left(start as usize);
         let (dataset, worker) = (dataset.clone(), worker.to_owned());
-<<<<<<< HEAD
+        let lease = options.lease;
         let shared = Arc::new(Shared {
             dataset,
             worker,
+            lease,
             held: Mutex::default(),
             ends: Condvar::new(),
             has_vanished: AtomicBool::new(false),
         });
-=======
-        let lease = options.lease;
-        let shared = Arc::new(Shared { dataset, worker, lease, held: Mutex::default(), ends: Condvar::new() });
->>>>>>> h/runtime
         let blocks = Mutex::new(Blocks { left, free, others: BTreeMap::new(), taken: 0 });
         let renews = {
             let (shared, pause) = (Arc::clone(&shared), lease / SIGNS);
@@ -396,12 +390,18 @@ mod tests {
     use super::*;
     use crate::run::dataset::locking;
     use std::fs;
-    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::sync::atomic::AtomicU32;
     use std::sync::{OnceLock, Weak};
     use syntable_model::store::{Access, MemStore};
     use syntable_testing::fault_store::{Fault, FaultStore};
 
     const OPTIONS: ClaimOptions = ClaimOptions { block: 1, lease: Duration::from_millis(40) };
+
+    /// A dataset in memory. Workers stop if it has no recipe.
+    fn begun(store: MemStore) -> Arc<MemStore> {
+        store.insert(layout::recipe(), b"recipe".to_vec());
+        Arc::new(store)
+    }
 
     /// A claim that its worker left.
     fn leave(store: &MemStore, name: &str) {
@@ -420,7 +420,7 @@ mod tests {
         for name in
             ["000000-4294967295.json", "000000-4000000000.json", "000000-10001.json", "0-7.json", "000000-07.json"]
         {
-            let store = Arc::new(MemStore::default());
+            let store = begun(MemStore::default());
             leave(&store, name);
             let claims = Claims::new(&Arc::clone(&store).into(), "0", OPTIONS, 0..1);
             claims.look().expect("readable");
@@ -438,7 +438,7 @@ mod tests {
             (vec!["000000-3.json", "000000-17.json"], "000000-18.json"),
             (vec!["000000.json", "000000-10000.json"], "000000.json"),
         ] {
-            let store = Arc::new(MemStore::default());
+            let store = begun(MemStore::default());
             left.iter().for_each(|name| leave(&store, name));
             let claims = Claims::new(&Arc::clone(&store).into(), "0", OPTIONS, 0..1);
             claims.look().expect("readable");
@@ -454,6 +454,7 @@ mod tests {
     fn readers_wait_for_workers_with_any_clock_and_lease() {
         let folder = tempfile::tempdir().expect("a folder");
         let dataset = StoreFolder::from(folder.path());
+        dataset.write(&layout::recipe(), b"recipe").expect("writable");
         let path = layout::claim(0, 0).below(folder.path());
         let lease = |lease: u64| ClaimOptions { block: 1, lease: Duration::from_secs(lease) };
         for (options, age, is_renewed) in [
@@ -487,7 +488,7 @@ mod tests {
     /// Each call takes 20 ms, as in an object store.
     #[test]
     fn a_look_reads_claims_at_once_and_stops_no_thread() {
-        let store = Arc::new(MemStore::remote());
+        let store = begun(MemStore::remote());
         (0..64).for_each(|block| leave(&store, &format!("{block:06}.json")));
         let looking: Arc<OnceLock<Weak<Claims>>> = Arc::default();
         let (calls, waits): (Arc<AtomicU32>, Arc<AtomicU32>) = Default::default();
