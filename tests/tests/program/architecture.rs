@@ -343,8 +343,9 @@ fn readers_open_files_as_dataset_files() {
     let mut opened = 0;
     for (file, code) in sources().iter().filter(|(file, _)| readers.iter().any(|folder| file.starts_with(folder))) {
         opened += code.matches("DatasetFile::open(").count();
-        let code = code.replace("DatasetFile::open(", "");
-        let found = ["File::open(", "fs::read(", "fs::read_to_string("].into_iter().find(|call| code.contains(call));
+        // Other types have names that end alike.
+        let code = code.replace(|letter: char| letter.is_whitespace() || letter == '(' || letter == ':', " ");
+        let found = [" File  open ", "fs  read ", "fs  read_to_string "].into_iter().find(|call| code.contains(call));
         assert_eq!(found, None, "{file} opens a file that `DatasetFile` should open");
     }
     assert!(opened > 8, "{opened} calls");

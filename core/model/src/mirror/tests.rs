@@ -85,6 +85,11 @@ fn readers_find_the_names_and_the_content_of_a_store() {
     let error = Error::io(root.join("none.png"), &DatasetFile::open(root.join("none.png")).expect_err("missing"));
     assert!(error.to_string().starts_with(&format!("{URL}/none.png: ")), "{error}");
     assert_eq!(Error::new("x").in_file(&root).to_string(), format!("{URL}: x"));
+    // The next mirror finds what this one has downloaded.
+    let next = case.mirror();
+    let store = StoreFolder::from(Arc::clone(&case.store));
+    store.remove(&DatasetPath::new("a.json").expect("a path")).expect("removed");
+    assert_eq!(DatasetFile::read(next.root().join("a.json")).expect("kept"), b"content of a.json");
     drop(mirror);
     assert!(!root.exists() && Error::new("x").in_file(&root).to_string().starts_with(&*root.to_string_lossy()));
 }
