@@ -1,7 +1,7 @@
 //! Datasets and assets that are read from a bucket: the same answers as from a folder, whatever the network does.
 
 use crate::support::bucket::{Bucket, url};
-use crate::support::{SMALL, assert_same, assets, convert, fails, ok, small_dataset, syntable, text};
+use crate::support::{SMALL, assert_same, convert, fails, ok, small_dataset, syntable, text};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -181,13 +181,23 @@ fn a_url_without_a_dataset_is_refused() {
     assert!(error.contains("SYNTABLE_CACHE_GB is `many`"), "{error}");
 }
 
+/// A cube as OBJ, meters.
+fn cube(size: f64) -> String {
+    let corner = |number: usize| {
+        let [x, y, z] = [number & 1, number >> 1 & 1, number >> 2].map(|side| side as f64 * size);
+        format!("v {x} {y} {z}\n")
+    };
+    let faces = ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"];
+    (0..8).map(corner).chain(faces.map(|face| format!("f {face}\n"))).collect()
+}
+
 #[test]
 fn assets_come_from_a_bucket() {
     let case = Case { folder: tempfile::tempdir().expect("a folder"), bucket: Bucket::start() };
     let things = case.local("assets/things");
     fs::create_dir_all(&things).expect("writable");
-    for name in ["box.glb", "second.glb", "third.glb"] {
-        fs::copy(assets()[0].join("broken/accept_box.glb"), things.join(name)).expect("copied");
+    for (name, size) in [("one.obj", 0.1), ("two.obj", 0.12), ("three.obj", 0.14)] {
+        fs::write(things.join(name), cube(size)).expect("writable");
     }
     case.upload("assets");
     let recipe = case.local("my.toml");
@@ -211,14 +221,11 @@ fn assets_come_from_a_bucket() {
     ok(&mut run(&url("assets"), "of-folder", &["--set", "dataset.scenes=3"]));
     assert_same(&case.local("of-folder"), &case.local("of-url"));
     // Objects are pinned by their content.
-    for name in ["box.glb", "second.glb", "third.glb"] {
-        let path = case.bucket.stored("assets/things").join(name);
-        let mut bytes = fs::read(&path).expect("there");
-        bytes.push(b'\n');
-        fs::write(path, bytes).expect("writable");
+    for name in ["one.obj", "two.obj", "three.obj"] {
+        fs::write(case.bucket.stored("assets/things").join(name), cube(0.2)).expect("writable");
     }
     let error = fails(&mut run(&url("assets"), "of-url", &["--set", "dataset.scenes=40"]), 2);
-    assert!(error.contains("s3://lab/assets/things") || error.contains("changed"), "{error}");
+    assert!(error.contains("objects/") && error.contains("changed"), "{error}");
     // Mistakes name the URL and the line; a network that is down is none.
     let error = fails(&mut run(&url("nothing"), "none", &[]), 2);
     assert!(

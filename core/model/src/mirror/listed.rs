@@ -26,6 +26,11 @@ impl Listed {
         Self { store, downloads, files, recent: Recent::default(), outage: Arc::default() }
     }
 
+    /// The folder at the URL.
+    pub fn store(&self) -> &StoreFolder {
+        &self.store
+    }
+
     /// The number of a file.
     pub fn find(&self, path: &str) -> Option<usize> {
         self.files.binary_search_by(|file| natural(&file.path, path)).ok()

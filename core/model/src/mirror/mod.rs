@@ -22,4 +22,4 @@ mod remote_file;
 mod tests;
 
 pub use dataset_file::DatasetFile;
-pub use names::Mirror;
+pub use names::{Mirror, store_at};

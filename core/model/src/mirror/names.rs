@@ -132,8 +132,22 @@ impl Drop for Mirror {
     }
 }
 
+/// The folder at a path of this machine. In a mirror, it is the folder of the store, which has all its files with their content.
+pub fn store_at(folder: &Path) -> StoreFolder {
+    let Some((mirror, inside)) = mirror_of(folder) else { return folder.into() };
+    let store = mirror.listed.store();
+    DatasetPath::new(inside).map_or_else(|_| store.clone(), |inside| store.inner(&inside))
+}
+
 /// The mirror that a path is in, and the number of its file.
 pub(super) fn mirrored(path: &Path) -> Option<(Arc<Mirror>, usize)> {
+    let (mirror, inside) = mirror_of(path)?;
+    let number = mirror.listed.find(&inside)?;
+    Some((mirror, number))
+}
+
+/// The mirror that a path is in, and the path in it.
+fn mirror_of(path: &Path) -> Option<(Arc<Mirror>, String)> {
     let mirrors = MIRRORS.read();
     if mirrors.is_empty() {
         return None;
@@ -141,10 +155,7 @@ pub(super) fn mirrored(path: &Path) -> Option<(Arc<Mirror>, usize)> {
     let path = without_dots(&std::path::absolute(path).ok()?);
     let (root, mirror) = mirrors.iter().find(|(root, _)| path.starts_with(root))?;
     let inside = path.strip_prefix(root).ok()?.to_str()?.replace(std::path::MAIN_SEPARATOR, "/");
-    let mirror = mirror.upgrade()?;
-    drop(mirrors);
-    let number = mirror.listed.find(&inside)?;
-    Some((mirror, number))
+    Some((mirror.upgrade()?, inside))
 }
 
 /// A path without `.` and `..`. No folder of a mirror is a link.

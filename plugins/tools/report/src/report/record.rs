@@ -8,7 +8,7 @@ use syntable_formats::decode;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetFolder;
 use syntable_model::limits::RUN_LIST_BYTES;
-use syntable_model::mirror::DatasetFile;
+use syntable_model::mirror::{DatasetFile, store_at};
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{PerInstance, Value};
 use syntable_model::reader::{OpenDataset, Source};
@@ -106,11 +106,11 @@ impl DatasetRecord {
         });
         let path = journal_path(&root);
         let (journal, faults) = find(&folder, &path)
-            .and_then(|_| Journal::readable(&root))
+            .and_then(|_| Journal::readable(store_at(&root)))
             .unwrap_or_else(|error| (Entries::default(), vec![error.message().to_owned()]));
         faults.into_iter().for_each(|fault| note(&path, fault));
         let path = times_path(&root);
-        let times = find(&folder, &path).and_then(|_| RunTimes::of_dataset(&root)).unwrap_or_else(|error| {
+        let times = find(&folder, &path).and_then(|_| RunTimes::of_dataset(store_at(&root))).unwrap_or_else(|error| {
             note(&path, error.message().to_owned());
             Vec::new()
         });
