@@ -98,7 +98,7 @@ CALLS = [
     (lambda s, d, t: st.run(s, t, claim=True, lease=0), ValueError, "between 0.001 and 86400"),
     (lambda s, d, t: st.run(s, t, claim=True, overwrite=True), st.SyntableError, "exclude each other"),
     (lambda s, d, t: st.run(s, "ftp://host/x"), st.SyntableError, "`ftp` name no store"),
-    (lambda s, d, t: st.open("s3://bucket/x"), st.SyntableError, "from folders, not from URLs.*syntable merge"),
+    (lambda s, d, t: st.open("ftp://host/x"), st.SyntableError, "scheme `ftp` name no store.*path of a folder"),
     (lambda s, d, t: st.status(pathlib.Path("s3://bucket/x")), st.SyntableError, "lost a `/` as a path"),
     (lambda s, d, t: st.status(t), st.SyntableError, "no dataset"),
     (lambda s, d, t: st.status(), TypeError, "status\\('data/mine'\\)"),
