@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
+import http.client
 import os
 import pickle
 import shutil
 import socket
 import subprocess
 import time
-import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,8 @@ import pytest
 import syntable as st
 
 URL = "s3://lab/mine"
+#: The server checks no signature, and refuses requests without one.
+SIGNED = "AWS4-HMAC-SHA256 Credential=test/20260101/us-east-1/s3/aws4_request"
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +36,11 @@ def bucket(data: Path, tmp_path_factory: pytest.TempPathFactory):
     at = f"http://127.0.0.1:{port}"
 
     def put(path: str, content: bytes = b"") -> None:
-        urllib.request.urlopen(urllib.request.Request(f"{at}/lab{path}", data=content, method="PUT")).read()
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+        connection.request("PUT", f"/lab{path}", body=content, headers={"Authorization": SIGNED})
+        answer = connection.getresponse()
+        answer.read()
+        assert answer.status == 200, answer.status
 
     settings = {
         "AWS_ENDPOINT_URL": at,
@@ -71,10 +76,6 @@ def instance_of(dataset: st.Dataset, image: int) -> bytes:
     return np.asarray(dataset[image]["instance"]).tobytes()
 
 
-def read_in_process(dataset: st.Dataset, image: int, answers) -> None:
-    answers.put(instance_of(dataset, image))
-
-
 def test_samples_are_the_ones_of_the_folder(bucket: str, data: Path) -> None:
     local, remote = st.open(data), st.open(bucket)
     assert len(remote) == len(local) == 6 and remote.format == local.format and remote.products == local.products
@@ -85,22 +86,6 @@ def test_samples_are_the_ones_of_the_folder(bucket: str, data: Path) -> None:
                 assert pickle.dumps(one) == pickle.dumps(other), product
     assert st.stats(bucket).images == st.stats(data).images
     assert st.validate(bucket).sound
-
-
-@pytest.mark.parametrize("method", ["fork", "spawn"])
-def test_other_processes_read_it(bucket: str, data: Path, method: str, tmp_path: Path, monkeypatch) -> None:
-    # Nothing is on this machine yet, so that the process must reach the server itself.
-    monkeypatch.setenv("SYNTABLE_CACHE", str(tmp_path))
-    remote = st.open(bucket)
-    context = multiprocessing.get_context(method)
-    answers = context.Queue()
-    process = context.Process(target=read_in_process, args=(remote, 4, answers))
-    process.start()
-    answer = answers.get(timeout=60)
-    process.join(60)
-    assert answer == instance_of(st.open(data), 4)
-    # The names of the parent process are still there.
-    assert instance_of(remote, 1) == instance_of(st.open(data), 1)
 
 
 def test_a_run_into_a_bucket_opens(bucket: str, small: st.Recipe, data: Path) -> None:
