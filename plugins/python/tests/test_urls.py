@@ -73,7 +73,7 @@ def bucket(data: Path, tmp_path_factory: pytest.TempPathFactory):
 
 
 def instance_of(dataset: st.Dataset, image: int) -> bytes:
-    return np.asarray(dataset[image]["instance"]).tobytes()
+    return np.asarray(dataset[image]["rgb"]).tobytes()
 
 
 def test_samples_are_the_ones_of_the_folder(bucket: str, data: Path) -> None:
