@@ -105,7 +105,8 @@ impl RemoteFile {
             return self.download(store, downloads).map(Open::Whole);
         }
         let stored = self.open_stored(store)?;
-        let new = Blocks::new(self.size, stored, (Arc::clone(downloads), Arc::clone(outage)), self.key)?;
+        let name = store.name_of(&self.path);
+        let new = Blocks::new(name, stored, (Arc::clone(downloads), Arc::clone(outage)), self.key)?;
         let new = Arc::new(Mutex::new(new));
         *known = Arc::downgrade(&new);
         recent.add(&new);
@@ -170,6 +171,9 @@ impl RemoteFile {
 
 /// A file with gaps: the blocks of a large file that were read.
 pub struct Blocks {
+    /// The URL, for messages.
+    name: PathBuf,
+    /// Bytes.
     size: u64,
     /// None if the file is complete.
     stored: Option<StoredFile>,
@@ -185,15 +189,16 @@ pub struct Blocks {
 
 impl Blocks {
     fn new(
-        size: u64,
+        name: PathBuf,
         stored: StoredFile,
         (downloads, outage): (Arc<Downloads>, Arc<Outage>),
         key: Digest,
     ) -> Result<Self> {
         let (part, file) = downloads.part(key).map_err(|error| downloads.fail(&downloads.path(key), &error))?;
+        let size = stored.size;
         let count = size.div_ceil(BLOCK) as usize;
         let (stored, part, has) = (Some(stored), Some(part), vec![false; count]);
-        Ok(Self { size, stored, file, part, has, missing: count, downloads, outage, key })
+        Ok(Self { name, size, stored, file, part, has, missing: count, downloads, outage, key })
     }
 
     /// Bytes of the file.
@@ -212,7 +217,7 @@ impl Blocks {
             let mut bytes = vec![0; (end - start) as usize];
             if let Some(stored) = &mut self.stored {
                 let read = stored.seek(SeekFrom::Start(start)).and_then(|_| stored.read_exact(&mut bytes));
-                read.inspect_err(|error| self.outage.note(&Error::io(self.downloads.path(self.key), error)))?;
+                read.inspect_err(|error| self.outage.note(&Error::io(&self.name, error)))?;
             }
             let written = self.file.seek(SeekFrom::Start(start)).and_then(|_| self.file.write_all(&bytes));
             written.map_err(|error| self.fail(&error))?;
