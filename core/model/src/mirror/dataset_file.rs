@@ -1,7 +1,8 @@
 //! A file of a dataset that is read.
 
+use super::blocks::Blocks;
 use super::names::mirrored;
-use super::remote_file::{Blocks, Open};
+use super::remote_file::Open;
 use crate::error::Error;
 use parking_lot::Mutex;
 use std::fmt;

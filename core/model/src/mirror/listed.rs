@@ -1,7 +1,9 @@
 //! The files that a store listed, in order.
 
 use super::downloads::Downloads;
-use super::remote_file::{Open, Outage, Recent, RemoteFile};
+use super::outage::Outage;
+use super::recent::Recent;
+use super::remote_file::{Open, RemoteFile};
 use crate::error::Result;
 use crate::files::DatasetPath;
 use crate::store::{StoreFolder, Stored};

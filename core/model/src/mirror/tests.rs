@@ -1,6 +1,7 @@
+use super::blocks::BLOCK;
 use super::downloads::Downloads;
 use super::listed::natural;
-use super::remote_file::{BLOCK, RECENT};
+use super::recent::RECENT;
 use super::{DatasetFile, Mirror};
 use crate::error::Error;
 use crate::files::{DatasetFolder, DatasetPath, Reach};
