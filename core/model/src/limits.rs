@@ -52,6 +52,15 @@ pub const FOLDER_ENTRIES: Limit = Limit {
     remedy: "name a folder further down as the `root` of a pool",
 };
 
+/// Files below a URL that are read.
+pub const REMOTE_FILES: Limit = Limit {
+    what: "files below the URL of a dataset or of assets",
+    most: 5_000_000,
+    is_bytes: false,
+    why: "a list of all files takes some hundred bytes of memory per file, and an empty file on this machine",
+    remedy: "name the folder of one dataset, and write large datasets in shards (`webdataset`, `parquet`)",
+};
+
 /// Bytes of an image after decoding.
 pub const IMAGE_BYTES: Limit = Limit {
     what: "bytes of a decoded image",
@@ -305,6 +314,7 @@ pub const ALL: &[Limit] = &[
     LIST_BYTES,
     FOLDER_DEPTH,
     FOLDER_ENTRIES,
+    REMOTE_FILES,
     RUN_LIST_BYTES,
     SCENE_RECORD_BYTES,
     CANVAS_PIXELS,

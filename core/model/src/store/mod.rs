@@ -73,7 +73,8 @@ pub trait Store: Any + fmt::Debug + Send + Sync {
     /// the empty objects by which consoles of stores mark folders. The empty path is the store.
     ///
     /// # Errors
-    /// If the store cannot tell, or has a name that its client cannot express.
+    /// If the store cannot tell, or has a name that its client cannot express, or a remote store has more files than
+    /// [`REMOTE_FILES`](crate::limits::REMOTE_FILES).
     fn files(&self, folder: &str) -> Result<Vec<(DatasetPath, Stored)>> {
         let mut found = Vec::new();
         let mut folders = vec![String::new()];

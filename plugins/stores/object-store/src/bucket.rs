@@ -71,9 +71,15 @@ impl Bucket {
 
     /// The objects below a folder.
     pub fn below(&self, folder: &str) -> Result<Vec<ObjectMeta>> {
+        self.below_at_most(folder, usize::MAX)
+    }
+
+    /// The objects below a folder. If they are more than `most`, the list ends after one more.
+    pub fn below_at_most(&self, folder: &str, most: usize) -> Result<Vec<ObjectMeta>> {
         let key = self.key(folder)?;
         let prefix = Some(&key).filter(|_| !folder.is_empty());
-        wait(whole(|| self.store().list(prefix).try_collect())).map_err(self.fail(folder))
+        let end = most.saturating_add(1);
+        wait(whole(|| self.store().list(prefix).take(end).try_collect())).map_err(self.fail(folder))
     }
 
     /// Whether a folder exists.

@@ -20,10 +20,12 @@ use parking_lot::{Condvar, Mutex};
 use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher, Hasher};
 use std::io::{self, ErrorKind};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 use syntable_model::error::{Error, Result};
+use syntable_model::files::RESERVED;
 
 /// Times of a lease.
 #[derive(Debug, Clone, Copy)]
@@ -53,6 +55,10 @@ pub struct Locks {
 
 /// State of a lease.
 struct State {
+    /// URL of the lock, for messages.
+    name: PathBuf,
+    /// The folder whose files it guards; empty for the bucket.
+    folder: String,
     lease: Mutex<Renewed>,
     changed: Condvar,
 }
@@ -73,10 +79,10 @@ impl Locks {
         Self { times, held: Mutex::default() }
     }
 
-    /// Refuses to write after a lease was lost. Waits while a lease may have ended.
-    pub fn check(&self) -> Result<()> {
+    /// Refuses to write a file after a lease of its dataset was lost. Waits while such a lease may have ended.
+    pub fn check(&self, path: &str) -> Result<()> {
         let held = self.held.lock().clone();
-        for state in held {
+        for state in held.into_iter().filter(|state| is_in(path, &state.folder)) {
             let mut lease = state.lease.lock();
             let end = Instant::now() + self.times.lasts * PATIENCE;
             while !lease.is_lost && lease.at.elapsed() > self.times.lasts {
@@ -84,14 +90,14 @@ impl Locks {
                     return Err(error.clone());
                 }
                 if state.changed.wait_until(&mut lease, end).timed_out() {
-                    let error = Error::io("the lock", &ErrorKind::TimedOut.into());
+                    let error = Error::io(&state.name, &ErrorKind::TimedOut.into());
                     return Err(error.help("the store does not answer: check the network, then run the same command"));
                 }
             }
             if lease.is_lost {
-                let message = "this program could not renew it in time, for example in a suspended machine, and another program may \
-                               have taken over the dataset";
-                let error = Error::io("the lock", &io::Error::new(ErrorKind::TimedOut, message));
+                let message = "this program could not renew the lock in time, for example in a suspended machine, and another \
+                               program may have taken over the dataset";
+                let error = Error::io(&state.name, &io::Error::new(ErrorKind::TimedOut, message));
                 return Err(error.help("the same command continues, after another run that has the dataset for itself"));
             }
         }
@@ -186,7 +192,8 @@ impl Lease {
 
     fn held(bucket: &Arc<Bucket>, key: &Key, owner: u64, (version, locks): (UpdateVersion, &Arc<Locks>)) -> Self {
         let lease = Mutex::new(Renewed { at: Moment::now(), is_lost: false, refused: None, ends: false });
-        let state = Arc::new(State { lease, changed: Condvar::new() });
+        let (name, folder) = (bucket.name_of(key.as_ref()), guarded(key).to_owned());
+        let state = Arc::new(State { name, folder, lease, changed: Condvar::new() });
         locks.held.lock().push(Arc::clone(&state));
         let renews = {
             let (bucket, key, state, times) = (Arc::clone(bucket), key.clone(), Arc::clone(&state), locks.times);
@@ -254,6 +261,17 @@ fn renew(bucket: &Bucket, key: &Key, owner: u64, mut version: UpdateVersion, sta
         }
         state.changed.notify_all();
     }
+}
+
+/// The folder that a lock guards: the dataset whose own folder holds it, or the bucket.
+fn guarded(lock: &Key) -> &str {
+    let [own, _] = RESERVED;
+    lock.as_ref().split_once(&format!("/{own}/")).map_or("", |(dataset, _)| dataset)
+}
+
+/// Whether a path is in a folder.
+fn is_in(path: &str, folder: &str) -> bool {
+    folder.is_empty() || path.strip_prefix(folder).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
 }
 
 fn new_owner() -> u64 {

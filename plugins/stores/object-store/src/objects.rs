@@ -15,6 +15,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
+use syntable_model::limits::REMOTE_FILES;
 use syntable_model::store::{Access, Fill, Found, Hold, Kind, Store, Stored, StoredFile};
 
 /// Requests that a call for many objects sends at once.
@@ -39,9 +40,9 @@ impl Objects {
         Ok(Self { bucket: Arc::new(bucket), locks: Arc::new(Locks::new(times)) })
     }
 
-    /// The bucket, to write in it.
-    fn writes(&self) -> Result<&Bucket> {
-        self.locks.check()?;
+    /// The bucket, to write a file or a folder in it.
+    fn writes(&self, path: &str) -> Result<&Bucket> {
+        self.locks.check(path)?;
         Ok(&self.bucket)
     }
 }
@@ -82,7 +83,8 @@ impl Store for Objects {
     /// One list, whatever the folders in it.
     fn files(&self, folder: &str) -> Result<Vec<(DatasetPath, Stored)>> {
         let start = if folder.is_empty() { 0 } else { folder.len() + 1 };
-        let listed = self.bucket.below(folder)?;
+        let listed = self.bucket.below_at_most(folder, REMOTE_FILES.most as usize)?;
+        REMOTE_FILES.check(listed.len() as u64).map_err(|error| error.in_file(self.name_of(folder)))?;
         let folders: BTreeSet<String> = (listed.iter().flat_map(|meta| {
             let path = meta.location.as_ref();
             path.match_indices('/').map(|(end, _)| path[..end].to_owned())
@@ -119,17 +121,17 @@ impl Store for Objects {
     fn put(&self, path: &DatasetPath, fill: &mut Fill) -> Result<()> {
         let mut spool = Spool::new();
         fill(&mut spool)?;
-        self.writes()?.upload(path, &self.bucket.key(path)?, &mut spool)
+        self.writes(path)?.upload(path, &self.bucket.key(path)?, &mut spool)
     }
 
     fn put_new(&self, path: &DatasetPath, bytes: &[u8]) -> Result<bool> {
-        let bucket = self.writes()?;
+        let bucket = self.writes(path)?;
         let put = bucket.put_if(&bucket.key(path)?, bytes, PutMode::Create);
         put.map(|version| version.is_some()).map_err(bucket.fail(path))
     }
 
     fn append(&self, path: &DatasetPath, bytes: &[u8]) -> Result<()> {
-        let bucket = self.writes()?;
+        let bucket = self.writes(path)?;
         let key = bucket.key(path)?;
         for _ in 0..TRIES {
             let (mut all, mode) = match bucket.get(&key).map_err(bucket.fail(path))? {
@@ -154,7 +156,8 @@ impl Store for Objects {
     }
 
     fn rename(&self, from: &DatasetPath, to: &DatasetPath) -> Result<()> {
-        let bucket = self.writes()?;
+        self.writes(from)?;
+        let bucket = self.writes(to)?;
         let mut moved: Vec<(Key, Key)> = Vec::new();
         if bucket.head(from)?.is_some() {
             moved.push((bucket.key(from)?, bucket.key(to)?));
@@ -173,11 +176,11 @@ impl Store for Objects {
     }
 
     fn remove(&self, path: &DatasetPath) -> Result<()> {
-        self.writes()?.delete(&self.bucket.key(path)?).map_err(self.bucket.fail(path))
+        self.writes(path)?.delete(&self.bucket.key(path)?).map_err(self.bucket.fail(path))
     }
 
     fn remove_all(&self, path: &DatasetPath) -> Result<()> {
-        let bucket = self.writes()?;
+        let bucket = self.writes(path)?;
         bucket.delete(&bucket.key(path)?).map_err(bucket.fail(path))?;
         let all: Vec<Key> = bucket.below(path)?.into_iter().map(|meta| meta.location).collect();
         let deleted = whole(|| {
@@ -227,7 +230,7 @@ struct NewObject {
 impl NewObject {
     fn upload(&mut self) -> Result<()> {
         if std::mem::take(&mut self.is_changed) {
-            self.objects.writes()?.upload(&self.path, &self.key, &mut self.spool)?;
+            self.objects.writes(&self.path)?.upload(&self.path, &self.key, &mut self.spool)?;
             // The next write goes on at the end.
             self.spool.go_on();
         }

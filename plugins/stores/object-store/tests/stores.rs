@@ -142,6 +142,26 @@ fn a_run_that_lost_its_lease_writes_nothing() {
     files.write(&path("a"), b"a").expect("no lease is held any more");
 }
 
+#[test]
+fn a_lost_lease_stops_the_writes_of_its_dataset_only() {
+    let store: Arc<dyn ObjectStore> = Arc::new(InMemory::new());
+    let files = folder(Arc::clone(&store));
+    let lock = "sets/mine/.syntable/lock";
+    let _held = files.lock(&path(lock), Access::Write).expect("free").expect("free");
+    let other = "{\"owner\":\"fedcba9876543210\",\"renewal\":0}\n";
+    requests().block_on(store.put(&Key::from(lock), other.into())).expect("taken over");
+    thread::sleep(TIMES.renewal * 4);
+    for written in ["sets/mine2/a", "sets/a", "mine/a"] {
+        files.write(&path(written), b"a").expect(written);
+    }
+    for refused in ["sets/mine/a", "sets/mine/.syntable/journal/000000.json"] {
+        let error = files.write(&path(refused), b"a").expect_err(refused).to_string();
+        assert!(error.contains(lock), "{error}");
+    }
+    assert!(files.rename(&path("mine/a"), &path("sets/mine/a")).is_err());
+    assert!(files.remove_all(&path("sets/mine")).is_err());
+}
+
 /// Requests on a condition are not sent again by the client: the first one may have succeeded, and its answer was lost.
 #[test]
 fn a_lost_answer_changes_no_outcome() {
