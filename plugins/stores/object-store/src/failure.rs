@@ -87,14 +87,13 @@ pub fn io_error(failure: &Failure) -> io::Error {
 
 // An answer without a body does not tell why it denies a request.
 const DENIED: &str = "these credentials may not do this, or are wrong, or have expired: check the rights of the user, the role \
-                      or the key, or get new ones, then run the same command, which goes on";
-const UNKNOWN: &str =
-    "the credentials are wrong or have expired: get new ones, then run the same command, which goes on";
+                      or the key, or get new ones, then run the same command again";
+const UNKNOWN: &str = "the credentials are wrong or have expired: get new ones, then run the same command again";
 const NONE: &str = "no credentials were found: set the variables of the store, as the chapter on object stores shows";
 const NOWHERE: &str = "check the name of the bucket, the region and the endpoint";
 const ODD_KEY: &str = "rename the object: no part of a key may be empty, `.` or `..`";
 const OFFLINE: &str = "the request failed several times: check the network, the endpoint and the name of the bucket, then run the \
-                       same command, which goes on";
+                       same command again";
 
 /// The innermost cause, which has the answer of the server or the network.
 fn chain(failure: &Failure) -> String {
