@@ -152,8 +152,12 @@ fn share<'a>(
     (pool, log, wait): (&Pool, &'a Warnings, &mut Wait),
 ) -> Result<Begun<'a>> {
     let dataset = &options.out;
+    // The recipe of the dataset that this one grows. Workers that share the dataset would keep each other from writing it.
+    let mut smaller = None;
     loop {
-        if dataset.has(&layout::recipe())?
+        let present = dataset.read(&layout::recipe())?;
+        if present.is_some()
+            && present != smaller
             && let Some(folder) = Folder::open_shared(dataset, worker)?
         {
             let begun = CheckedRun::new(recipe, options, log)?.begin(folder, None, pool, log.0)?;
@@ -161,6 +165,7 @@ fn share<'a>(
                 same_inputs(&begun, recipe)?;
                 return Ok(begun);
             }
+            smaller = present;
         }
         if let Some(folder) = Folder::open_if_free(dataset)? {
             let quiet = Quiet;
@@ -177,7 +182,7 @@ fn share<'a>(
             begun.folder.accept_recipe(&mut begun.journal)?;
             continue;
         }
-        wait.pause("another run has the dataset for itself")?;
+        wait.pause("another run has the dataset for itself, or workers of its present recipe use it")?;
     }
 }
 

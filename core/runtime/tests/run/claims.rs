@@ -80,7 +80,7 @@ fn workers_give_the_dataset_of_one_run() {
     let out = folder.path().join("grows");
     let first = RunOptions { scenes: Some(0..2), ..options(&out, 1) };
     run_with(&recipe(4), first, &Quiet).expect("two scenes");
-    let made = work(&recipe(7), vec![StoreFolder::from(&out); 2], 1);
+    let made = work(&recipe(7), vec![StoreFolder::from(&out); 8], 1);
     assert!(made.iter().all(|made| *made == Ok(7)), "{made:?}");
     assert_same(files(&out), whole, "grown");
 }
