@@ -15,6 +15,7 @@ use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB, RGB_FILE};
 use syntable_model::reader::{Crowd, DatasetFault, FaultSubject, ImageSource, Note, Opened, ReadImage, Source};
+use syntable_model::shown::shown;
 
 /// Key of an image's depth image, in whole millimeters, next to its `file_name`. UOAIS-Sim uses it.
 pub const DEPTH_FILE: &str = "depth_file_name";
@@ -251,7 +252,7 @@ fn named_root(
     for name in images.chain(depth_files.iter().map(String::as_str)) {
         let other = *names.entry(last_part(name)).or_insert(name);
         if other != name {
-            let message = format!("`{other}` and `{name}` would be one file in {}", folder.path().display());
+            let message = format!("`{other}` and `{name}` would be one file in {}", shown(&folder.path()).display());
             let help = format!("`options.image_folder`: name the folder that contains `{other}` under this whole name");
             return Err(Error::new(message).help(help).of_request());
         }
