@@ -47,6 +47,12 @@ mod _syntable {
     use super::verbs::{Viewer, convert, evaluate, merge, plan, preview, report, run, stats, status, validate, verify};
     use super::*;
 
+    /// Whether a name is a URL, and not a path of this machine.
+    #[pyfunction]
+    fn is_url(name: &str) -> bool {
+        syntable_model::store::is_url(name)
+    }
+
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))

@@ -29,6 +29,7 @@ __all__ = [
     "add_sensor",
     "add_writer",
     "end_calls",
+    "is_url",
     "missing_product",
     "Viewer",
     "convert",
@@ -52,6 +53,7 @@ _Named = tuple[str, str | None, str | None, bool]
 _Progress = Callable[[dict[str, Any]], None] | None
 
 def main(arguments: list[str]) -> int: ...
+def is_url(name: str) -> bool: ...
 def builtin_recipes() -> list[tuple[str, str]]: ...
 
 @final

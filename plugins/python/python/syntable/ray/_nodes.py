@@ -20,7 +20,7 @@ from ..__main__ import load
 from ..errors import SyntableError
 from ..recipes import Recipe
 
-__all__ = ["Job", "Plugin", "Probe", "Unfit", "connect", "is_url", "options", "place"]
+__all__ = ["Job", "Plugin", "Probe", "Unfit", "connect", "options", "place"]
 
 #: Time that a node gets to see a new file of a shared folder, s.
 SEEN_AFTER_S = 10.0
@@ -210,7 +210,7 @@ class Probe:
         Raises:
             SyntableError: If it cannot be written.
         """
-        if is_url(out):
+        if _syntable.is_url(out):
             return cls(out, None)
         folder, name = os.path.split(out)
         # A disk that is mounted there is another than that of the folder above.
@@ -262,11 +262,6 @@ class Probe:
                 path = os.path.join(folder, other)
                 if other.startswith(prefix) and now - os.stat(path).st_mtime > OLD_S:
                     os.unlink(path)
-
-
-def is_url(out: str) -> bool:
-    """Whether a dataset is in an object store."""
-    return "://" in out
 
 
 def place() -> str:

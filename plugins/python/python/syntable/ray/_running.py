@@ -8,7 +8,6 @@ import math
 import os
 import re
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,14 +17,14 @@ from ray.util.scheduling_strategies import (  # type: ignore[import-not-found, i
     NodeAffinitySchedulingStrategy,
 )
 
-from .. import verbs
+from .. import _syntable, verbs
 from .._arguments import claim_of, path, whole
 from ..errors import RecipeError, SyntableError
 from ..generating import scene_range, thread_count
 from ..progress import Event, Progress, listener
 from ..recipes import Recipe, as_recipe
 from ..verbs import Outcome
-from ._nodes import Job, Probe, Unfit, connect, is_url, options, place
+from ._nodes import Job, Probe, Unfit, connect, options, place
 
 __all__ = ["run"]
 
@@ -65,9 +64,9 @@ def run(
     """Makes the dataset of a recipe on a Ray cluster, or continues it. The files are those of ``st.run``, byte for byte.
 
     Workers claim scenes as those of ``st.run(…, claim=True)`` do. The driver starts them, and starts a worker again that
-    fails, or whose node is lost. A worker is given up that fails four times in a row without a scene, or with an error
-    that no retry mends; the call raises its error when no worker is left. Warnings name the node of each failure. Ctrl-C ends all workers and keeps finished
-    scenes; the same call continues.
+    fails, or whose node is lost. It gives a worker up that fails four times in a row without a scene, or with an error
+    that no retry mends; the call raises its error when no worker is left. Warnings name the node of each failure. Ctrl-C
+    ends all workers and keeps finished scenes; the same call continues.
 
     The call uses the cluster of ``ray.init``, and calls it if the program has not.
 
@@ -111,7 +110,7 @@ def run(
     )
     order = Order(
         job=Job.of(recipe, plugins),
-        out=out if is_url(out) else os.path.abspath(out),
+        out=out if _syntable.is_url(out) else os.path.abspath(out),
         scenes=made,
         claim=claim,
         lease=lease,
@@ -514,7 +513,7 @@ class Team:
                 "scenes": outcome.scenes,
                 "failed": outcome.failed,
                 "images": outcome.images,
-                "made": len(self._seen.images),
+                "made": self._seen.made,
                 "grown": 0,
                 "seconds": time.monotonic() - self._start,
             }
@@ -526,24 +525,26 @@ class Seen:
     """The events of all workers as those of one run: each image, scene and message once.
 
     Attributes:
-        images: Scene and view of the images that were made.
+        made: Number of images that were made.
         stages: Times of the stages, over all workers.
     """
 
     def __init__(self) -> None:
-        self.images: set[tuple[int, int]] = set()
+        self.made = 0
         self.stages: dict[str, dict[str, Any]] = {}
-        self._others: Counter[str] = Counter()
+        #: Made views of the scenes that are not done, as bits: a dataset may have millions of images.
+        self._views: dict[int, int] = {}
+        #: Whether each scene is done.
+        self._done = bytearray()
+        self._others: set[str] = set()
 
     def new(self, event: Event, threads: int) -> list[Event]:
         """The event, if it is new for the listener."""
         kind = event["event"]
         if kind == "image":
-            image = (event["scene"], event["view"])
-            if image in self.images:
-                return []
-            self.images.add(image)
-            return [event]
+            return [event] if self._is_new_image(event["scene"], event["view"]) else []
+        if kind == "scene":
+            return [event] if self._is_new_scene(event["scene"]) else []
         if kind == "stages":
             for name, times in event["stages"].items():
                 known = self.stages.setdefault(name, dict.fromkeys(times, 0))
@@ -554,9 +555,29 @@ class Seen:
             return []
         if kind == "working":
             return [event]
-        # A lost worker's scene is made again, and all workers warn of the same recipe.
-        key = {"scene": f"scene {event.get('scene')}", "started": "started"}.get(kind) or repr(sorted(event.items()))
-        self._others[key] += 1
-        if self._others[key] > 1:
+        # All workers begin, and warn of the same recipe.
+        key = kind if kind == "started" else repr(sorted(event.items()))
+        if key in self._others:
             return []
+        self._others.add(key)
         return [{**event, "threads": threads} if kind == "started" else event]
+
+    def _is_new_image(self, scene: int, view: int) -> bool:
+        views = self._views.get(scene, 0)
+        # A lost worker's scene is made again.
+        if self._is_done(scene) or views >> view & 1:
+            return False
+        self._views[scene] = views | 1 << view
+        self.made += 1
+        return True
+
+    def _is_new_scene(self, scene: int) -> bool:
+        if self._is_done(scene):
+            return False
+        self._done.extend(bytes(max(0, scene + 1 - len(self._done))))
+        self._done[scene] = True
+        self._views.pop(scene, None)
+        return True
+
+    def _is_done(self, scene: int) -> bool:
+        return scene < len(self._done) and bool(self._done[scene])
