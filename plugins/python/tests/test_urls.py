@@ -8,6 +8,7 @@ import pickle
 import shutil
 import socket
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -98,3 +99,38 @@ def test_a_missing_url_names_itself(bucket: str) -> None:
         st.open("s3://lab/none")
     with pytest.raises(st.SyntableError, match="lost a `/`"):
         st.open(Path("s3://lab/mine"))
+
+
+OTHER_PROCESSES = """
+import multiprocessing as mp
+import sys
+import numpy as np
+import syntable as st
+
+def rgb(dataset, image):
+    return np.asarray(dataset[image]["rgb"]).tobytes()
+
+def inherited(image):
+    return rgb(remote, image)
+
+if __name__ == "__main__":
+    local, remote = map(st.open, sys.argv[1:])
+    # Downloads of the next files begin.
+    rgb(remote, 0), rgb(remote, 1)
+    with mp.get_context("fork").Pool(2) as pool:
+        forked = pool.map(inherited, range(len(remote)), 1)
+    with mp.get_context("spawn").Pool(2) as pool:
+        spawned = pool.starmap(rgb, [(remote, image) for image in range(len(remote))], 1)
+    assert forked == spawned == [rgb(local, image) for image in range(len(local))]
+"""
+
+
+def test_other_processes_read_it(bucket: str, data: Path, tmp_path: Path) -> None:
+    script = tmp_path / "processes.py"
+    script.write_text(OTHER_PROCESSES)
+    # What the other tests have downloaded must not spare the requests.
+    environment = os.environ | {"SYNTABLE_CACHE": str(tmp_path / "cache")}
+    done = subprocess.run(
+        [sys.executable, script, data, bucket], env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stderr) == (0, "")
