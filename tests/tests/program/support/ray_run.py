@@ -27,7 +27,7 @@ def lose() -> None:
 
 
 threading.Thread(target=lose, daemon=True).start()
-made = st.recipe(recipe)
+made = st.Recipe(recipe)
 for setting in settings:
     key, value = setting.split("=", 1)
     made = made.set(key, tomllib.loads(f"value = {value}")["value"])
