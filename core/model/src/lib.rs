@@ -100,6 +100,7 @@ pub mod scene;
 pub mod shown;
 pub mod stage;
 pub mod store;
+pub mod unique;
 pub mod user_cache;
 pub mod words;
 

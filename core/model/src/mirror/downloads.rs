@@ -5,11 +5,10 @@
 
 use crate::digest::Digest;
 use crate::error::{Error, Result};
+use crate::unique::unique;
 use crate::user_cache::user_cache;
 use parking_lot::Mutex;
-use std::collections::hash_map::RandomState;
 use std::fs::{self, File, FileTimes};
-use std::hash::{BuildHasher, Hasher};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -87,7 +86,7 @@ impl Downloads {
     pub fn new_names(&self) -> Result<(PathBuf, File)> {
         let names = self.names();
         self.remove_abandoned_names();
-        let own = names.join(format!("{:016x}", random()));
+        let own = names.join(format!("{:016x}", unique()));
         let lock = || {
             fs::create_dir_all(&own)?;
             let lock = File::create_new(own.join(LOCK))?;
@@ -106,7 +105,7 @@ impl Downloads {
 
     /// A new file for the content of a file. [`keep`](Self::keep) makes it the complete file.
     pub fn part(&self, key: Digest) -> io::Result<(PathBuf, File)> {
-        let path = self.path(key).with_extension(format!("{:016x}.{PART}", random()));
+        let path = self.path(key).with_extension(format!("{:016x}.{PART}", unique()));
         fs::create_dir_all(path.parent().unwrap_or(&self.root))?;
         let file = File::options().read(true).write(true).create_new(true).open(&path)?;
         Ok((path, file))
@@ -209,9 +208,4 @@ fn used(found: &fs::Metadata) -> u64 {
     return std::os::unix::fs::MetadataExt::blocks(found) * 512;
     #[cfg(not(unix))]
     return found.len();
-}
-
-/// A number that no other process draws.
-pub fn random() -> u64 {
-    RandomState::new().build_hasher().finish()
 }

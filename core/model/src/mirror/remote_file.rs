@@ -1,13 +1,14 @@
 //! A file of a store, which is downloaded when it is opened or read.
 
 use super::blocks::{BLOCK, Blocks};
-use super::downloads::{Downloads, random};
+use super::downloads::Downloads;
 use super::outage::Outage;
 use super::recent::Recent;
 use crate::digest::Digest;
 use crate::error::{Error, Result};
 use crate::files::DatasetPath;
 use crate::store::{StoreFolder, Stored, StoredFile};
+use crate::unique::unique;
 use parking_lot::Mutex;
 use std::fs::{self, File};
 use std::io::{self, Read, Seek, Write};
@@ -37,7 +38,7 @@ pub enum Open {
 impl RemoteFile {
     pub fn new(path: DatasetPath, stored: &Stored, url: &str) -> Self {
         // Without a version, a file of this name may have been of other content before.
-        let version = stored.version.clone().unwrap_or_else(|| format!("{:016x}", random()));
+        let version = stored.version.clone().unwrap_or_else(|| format!("{:016x}", unique()));
         let key = key_of(url, &path, &format!("{} {version}", stored.size));
         Self { path, size: stored.size, version: stored.version.clone(), key, blocks: Mutex::default() }
     }

@@ -4,11 +4,10 @@ use crate::error::{Error, Result};
 use crate::files::DatasetPath;
 use crate::store::inside::Inside;
 use crate::store::{Access, Fill, Found, Hold, Kind, Store, StoredFile};
+use crate::unique::unique;
 #[cfg(unix)]
 use rustix::fs::OFlags;
-use std::collections::hash_map::RandomState;
 use std::fs::{self, File, FileType, OpenOptions, TryLockError};
-use std::hash::{BuildHasher, Hasher};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -161,7 +160,7 @@ impl Store for FsStore {
         let full = path.below(&self.root);
         let fail = |error: io::Error| Error::io(&full, &error);
         // Callers on other machines write at the same time, and each needs a name of its own.
-        let part = part_of(&format!("{path}.{:016x}", random()))?.below(&self.root);
+        let part = part_of(&format!("{path}.{:016x}", unique()))?.below(&self.root);
         let mut file = create_file(&part)?.map_err(fail)?;
         let written = file.write_all(bytes).and_then(|()| file.sync_all());
         drop(file);
@@ -278,11 +277,6 @@ impl Store for FsStore {
 /// The temporary file next to a file. The content is written to it first.
 fn part_of(path: &str) -> Result<DatasetPath> {
     DatasetPath::new(format!("{path}.part")).map_err(|error| Error::new(error.to_string()))
-}
-
-/// A number that no other process draws at the same time.
-fn random() -> u64 {
-    RandomState::new().build_hasher().finish()
 }
 
 /// Creates a new file, and the folders that it is in. Another worker may remove an empty folder in between.

@@ -24,12 +24,11 @@ use crate::run::{finish, run_in};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::BTreeSet;
-use std::collections::hash_map::RandomState;
-use std::hash::{BuildHasher, Hasher};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 use syntable_model::error::{Error, Result};
+use syntable_model::unique::unique;
 use syntable_recipe::{Recipe, lock_of};
 
 /// Time between the first two attempts to get a dataset that others use, as a part of the time of a lease, and its limit.
@@ -109,7 +108,7 @@ fn make(
     (reporter, wait): (&dyn Reporter, &mut Wait),
 ) -> Result<u32> {
     let (pool, log) = (Pool::new(options.threads)?, Warnings(reporter));
-    let worker = format!("{:016x}", RandomState::new().build_hasher().finish());
+    let worker = format!("{:016x}", unique());
     let Begun { folder, journal, todo, assets, .. } = share(recipe, options, &worker, (&pool, &log, wait))?;
     let Some(assets) = assets.filter(|_| !todo.scenes.is_empty()) else { return Ok(0) };
     let assets = assets.expect(journal.entries().assets().clone());

@@ -17,8 +17,6 @@ use crate::requests::wait_at_most;
 use object_store::path::Path as Key;
 use object_store::{PutMode, UpdateVersion};
 use parking_lot::{Condvar, Mutex};
-use std::collections::hash_map::RandomState;
-use std::hash::{BuildHasher, Hasher};
 use std::io::{self, ErrorKind};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -26,6 +24,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 use syntable_model::error::{Error, Result};
 use syntable_model::files::RESERVED;
+use syntable_model::unique::unique;
 
 /// Times of a lease.
 #[derive(Debug, Clone, Copy)]
@@ -130,7 +129,7 @@ impl Lease {
 
     /// Shares a lease; none if another program holds it alone.
     pub fn share(bucket: &Arc<Bucket>, key: &Key, locks: &Arc<Locks>) -> object_store::Result<Option<Self>> {
-        let own = Key::from(format!("{}/{:016x}", shares(key), new_owner()));
+        let own = Key::from(format!("{}/{:016x}", shares(key), unique()));
         let Some(shared) = Self::take_one(bucket, &own, locks)? else { return Ok(None) };
         let Some((present, version)) = bucket.get(key)? else { return Ok(Some(shared)) };
         let is_free = match watch(bucket, key, &present, locks.times)? {
@@ -164,7 +163,7 @@ impl Lease {
     fn take_one(bucket: &Arc<Bucket>, key: &Key, locks: &Arc<Locks>) -> object_store::Result<Option<Self>> {
         loop {
             let Some((present, version)) = bucket.get(key)? else {
-                let owner = new_owner();
+                let owner = unique();
                 match bucket.put_if(key, text(owner, 0).as_bytes(), PutMode::Create)? {
                     Some(version) => return Ok(Some(Self::held(bucket, key, owner, (version, locks)))),
                     None => continue,
@@ -185,7 +184,7 @@ impl Lease {
         version: UpdateVersion,
         locks: &Arc<Locks>,
     ) -> object_store::Result<Option<Self>> {
-        let owner = new_owner();
+        let owner = unique();
         let taken = bucket.put_if(key, text(owner, 0).as_bytes(), PutMode::Update(version))?;
         Ok(taken.map(|version| Self::held(bucket, key, owner, (version, locks))))
     }
@@ -272,10 +271,6 @@ fn guarded(lock: &Key) -> &str {
 /// Whether a path is in a folder.
 fn is_in(path: &str, folder: &str) -> bool {
     folder.is_empty() || path.strip_prefix(folder).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
-}
-
-fn new_owner() -> u64 {
-    RandomState::new().build_hasher().finish()
 }
 
 fn text_of(owner: u64) -> String {
