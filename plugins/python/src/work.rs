@@ -30,8 +30,10 @@ pub fn check_process(py: Python<'_>) -> PyResult<()> {
     match WORKER.compare_exchange(0, here, Ordering::Relaxed, Ordering::Relaxed) {
         Err(there) if there != here => Err(exception(
             py,
-            &Error::new("this process was forked from one that had begun to make scenes, and lacks its threads")
-                .help("start processes with multiprocessing's \"spawn\", or pass num_workers=0 to a DataLoader"),
+            &Error::new(
+                "this process was forked from one whose threads had worked for the library, and lacks these threads",
+            )
+            .help("start processes with multiprocessing's \"spawn\", or pass num_workers=0 to a DataLoader"),
         )),
         _ => Ok(()),
     }

@@ -38,7 +38,8 @@ class Dataset(Sequence[Sample]):
             bool(trust_paths),
         )
         #: The arguments for another process, which may work in another folder.
-        self._anywhere = (os.path.abspath(self._named[0]), *self._named[1:])
+        path = self._named[0]
+        self._anywhere = (path if _syntable.is_url(path) else os.path.abspath(path), *self._named[1:])
         self._raw = _syntable.Dataset(*self._named)
         warn_left_out(self._raw.left_out)
 
