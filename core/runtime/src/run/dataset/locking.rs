@@ -3,6 +3,7 @@
 use crate::run::dataset::claims;
 use crate::run::dataset::foreign;
 use crate::run::dataset::layout;
+use std::io::{self, ErrorKind};
 use std::thread;
 use std::time::Duration;
 use syntable_model::error::{Error, Result};
@@ -18,7 +19,8 @@ pub fn lock(dataset: &StoreFolder, access: Access) -> Result<Hold> {
 
 /// The error of a dataset that another run writes.
 pub fn busy(dataset: &StoreFolder) -> Error {
-    Error::new("another run is writing this dataset").in_file(dataset.name())
+    let busy = io::Error::new(ErrorKind::ResourceBusy, "another run is writing this dataset");
+    Error::io(dataset.name(), &busy).help("wait until it has ended; a suspended run must continue or be killed")
 }
 
 /// Locks a dataset as [`lock`] does; none if another run works there.
