@@ -83,6 +83,33 @@ fn upload(from: &Path, to: &Path) {
 }
 
 #[test]
+fn a_conversion_goes_to_a_bucket_and_pages_stay_here() {
+    let case = Case::new();
+    let convert = |from: &str, to: &str| case.syntable(&["convert", from, "--to", "coco", "--out", to]);
+    let local = case.local("mine").to_string_lossy().into_owned();
+    let here = case.local("coco");
+    ok(&mut convert(&local, &here.to_string_lossy()));
+    ok(&mut convert(&url("mine"), &url("coco/")));
+    assert_same(&here, &case.bucket.stored("coco"));
+    let again = fails(&mut convert(&url("mine"), &url("coco")), 2);
+    assert!(again.contains(&url("coco")) && again.contains("empty"), "{again}");
+    // A folder `s3:` would be of no use.
+    let (work, pages) = (case.local("work"), url("pages"));
+    fs::create_dir(&work).expect("writable");
+    for command in [
+        vec!["report", &local, "--out", &pages],
+        vec!["stats", &local, "--csv", &pages],
+        vec!["new", "recipe", &pages],
+        vec!["preview", "builtin:quickstart", "--out", &pages],
+    ] {
+        let output = case.syntable(&command).current_dir(&work).output().expect("starts");
+        let said = text(&output);
+        assert!(output.status.code() == Some(2) && said.contains("not to URLs") && said.contains(&pages), "{said}");
+    }
+    assert_eq!(fs::read_dir(&work).expect("readable").count(), 0);
+}
+
+#[test]
 fn verbs_answer_for_a_url_as_for_a_folder() {
     let case = Case::new();
     for verb in ["validate", "stats"] {

@@ -39,7 +39,7 @@ pub(crate) fn convert(console: &Console, registry: &Registry, args: ConvertArgs)
     let ConvertArgs { dataset, to, out, format, trust_paths, image_folder, set } = args;
     let stop = on_signals(console, Ends::Work("the output stays as it was"))?;
     let threads = workers::available();
-    let out = StoreFolder::from(out);
+    let out = StoreFolder::at(out).map_err(Exit::stopped)?;
     let options = ConvertOptions { dataset, format, trust_paths, image_folder, to, set, out, threads, stop };
     let done =
         conversion::convert(registry, &options, console.reporter()).map_err(|error| ended(&options.stop, error))?;

@@ -33,6 +33,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
+use syntable_model::store::is_url;
 
 /// Name of the mark in the folder beside the target.
 const MARK: &str = ".syntable-part";
@@ -65,8 +66,9 @@ pub enum Standing {
 /// Inspects a target.
 ///
 /// # Errors
-/// If the target is unreadable.
+/// If the target is a URL, or unreadable.
 pub fn standing(place: &Path) -> Result<Standing> {
+    check_here(place)?;
     let failed = |error: std::io::Error| refused(place, &error);
     match fs::metadata(place) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Standing::Free),
@@ -101,6 +103,7 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 fn write_linked(path: &Path, bytes: &[u8], links: u32) -> Result<()> {
+    check_here(path)?;
     let there = fs::metadata(path).ok();
     let refuse = |what: &str| Err(Error::new(what).in_file(path).help("name another file"));
     // `/dev/stdout` may lead to a file, which also receives printed output.
@@ -141,6 +144,7 @@ fn write_linked(path: &Path, bytes: &[u8], links: u32) -> Result<()> {
 /// # Errors
 /// If the path exists or cannot be written.
 pub fn create_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    check_here(path)?;
     let taken = || Error::new("the path already exists").in_file(path).help("choose another path");
     mend(path)?;
     if fs::symlink_metadata(path).is_ok() {
@@ -159,6 +163,17 @@ pub fn create_file(path: &Path, bytes: &[u8]) -> Result<()> {
         Ok(()) => sync(&above(path)).and_then(|()| draft.tidy()),
         Err(error) if error.kind() == ErrorKind::AlreadyExists => Err(taken()),
         Err(error) => Err(Error::io(path, &error)),
+    }
+}
+
+/// Refuses a URL, which would become a folder of a strange name.
+fn check_here(path: &Path) -> Result<()> {
+    match path.to_str().is_some_and(is_url) {
+        true => Err(Error::new("this command writes to folders of this machine, and not to URLs")
+            .in_file(path)
+            .help("name a path, and upload the result")
+            .of_request()),
+        false => Ok(()),
     }
 }
 
@@ -187,6 +202,7 @@ impl Draft {
     /// # Errors
     /// If the target has no name or is a mount point, if another command works there, or if the file system fails.
     pub fn begin(place: &Path) -> Result<Self> {
+        check_here(place)?;
         let place = place_of(place)?;
         if let Some(above) = place.parent().filter(|above| !above.as_os_str().is_empty()) {
             disk::create_dir_all(above).map_err(|error| refused(above, &error))?;

@@ -1,6 +1,7 @@
 //! Verbs that read datasets.
 
 use super::{Named, json, on_images, source, threads_or_all, warned};
+use crate::errors::exception;
 use crate::registry::registry;
 use crate::work::wait_for;
 use pyo3::exceptions::PyValueError;
@@ -11,6 +12,7 @@ use syntable::report::make::{ReportOptions, make};
 use syntable::stats::distribution::Binning;
 use syntable::stats::{Edges, StatisticsOptions, compare, table};
 use syntable_model::error::Error;
+use syntable_model::store::StoreFolder;
 use syntable_runtime::conversion::ConvertOptions;
 
 /// Writes a dataset in other formats. `settings` are options as `KIND.KEY=VALUE`, with the value as TOML.
@@ -27,6 +29,7 @@ pub fn convert<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let registry = registry(py)?;
     let (path, format, image_folder, trust_paths) = dataset;
+    let out = StoreFolder::at(out).map_err(|error| exception(py, &error))?;
     let conversion = wait_for(py, progress.as_ref(), move |sender, stop| {
         let options = ConvertOptions {
             format,
