@@ -22,6 +22,9 @@ use syntable_model::store::StoreFolder;
 const REQUEST: Duration = Duration::from_secs(120);
 /// Time to reach a server.
 const CONNECT: Duration = Duration::from_secs(10);
+/// Variables that name servers.
+const ENDPOINTS: [&str; 5] =
+    ["AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT", "AZURE_STORAGE_ENDPOINT", "GOOGLE_BASE_URL"];
 /// First letters of the variables that the clients read.
 const PREFIXES: [&str; 3] = ["AWS_", "AZURE_", "GOOGLE_"];
 
@@ -42,7 +45,9 @@ pub fn open(url: &str) -> Result<StoreFolder> {
             .help(format!("write `{scheme}://bucket/folder`; credentials come from variables of the environment")));
     }
     let name = format!("{scheme}://{bucket}");
-    let folder = Some(folder.trim_end_matches('/')).filter(|folder| !folder.is_empty());
+    // As in paths: a joined folder may end with a slash.
+    let folder: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
+    let folder = Some(folder.join("/")).filter(|folder| !folder.is_empty());
     let folder = folder.map(DatasetPath::new).transpose();
     let folder = folder.map_err(|error| Error::new(format!("`{url}`: {error}")))?;
     let whole = StoreFolder::new(objects(scheme, bucket, name)?);
@@ -54,6 +59,7 @@ fn objects(scheme: &str, bucket: &str, name: String) -> Result<Arc<Objects>> {
         env::vars_os().filter_map(|(key, value)| Some((key.into_string().ok()?, value.into_string().ok()?)));
     let variables = variables.filter(|(key, _)| PREFIXES.iter().any(|prefix| key.starts_with(prefix)));
     let made: Made = (name.clone(), variables.collect());
+    made.1.iter().try_for_each(|(variable, value)| check_variable(variable, value))?;
     if let Some(objects) = BUCKETS.lock().get(&made) {
         return Ok(Arc::clone(objects));
     }
@@ -69,6 +75,43 @@ fn objects(scheme: &str, bucket: &str, name: String) -> Result<Arc<Objects>> {
     let objects = Arc::new(Objects::connected(Box::new(connect), name, LeaseTimes::default())?);
     BUCKETS.lock().insert(made, Arc::clone(&objects));
     Ok(objects)
+}
+
+/// Refuses values that the clients cannot put into requests.
+fn check_variable(variable: &str, value: &str) -> Result<()> {
+    if value.chars().any(char::is_control) {
+        // The value may be a secret.
+        return Err(Error::new(format!(
+            "the environment variable {variable} has an end of line or another control character"
+        ))
+        .help("set it without; files of secrets often end with an end of line")
+        .of_request());
+    }
+    let is_endpoint = ENDPOINTS.contains(&variable) && !(value.is_empty() && variable.starts_with("AWS_"));
+    if is_endpoint && !is_server(value) {
+        return Err(Error::new(format!("the environment variable {variable} is `{}`", without_password(value)))
+            .help("write the address of a server, such as http://127.0.0.1:9000, or unset it")
+            .of_request());
+    }
+    Ok(())
+}
+
+/// Whether a text is the address of a server, such as `https://host:9000/path`.
+fn is_server(text: &str) -> bool {
+    let Some(rest) = text.strip_prefix("http://").or_else(|| text.strip_prefix("https://")) else { return false };
+    let address = rest.split(['/', '?', '#']).next().unwrap_or_default();
+    let host = address.rsplit_once('@').map_or(address, |(_, host)| host);
+    let (host, port) = match host.rsplit_once(':') {
+        Some((host, port)) if !port.ends_with(']') => (host, Some(port)),
+        _ => (host, None),
+    };
+    let is_host = !host.is_empty() && rest.chars().all(|c| c.is_ascii_graphic());
+    is_host && port.is_none_or(|port| port.parse::<u16>().is_ok())
+}
+
+/// An address without what stands before `@`.
+fn without_password(address: &str) -> &str {
+    address.rsplit_once('@').map_or(address, |(_, host)| host)
 }
 
 /// Options of clients. An endpoint without encryption is used only if a variable names it.
@@ -89,8 +132,14 @@ fn no_credentials(what: &str, ways: &str) -> Error {
 }
 
 fn s3(bucket: &str) -> Result<Arc<dyn ObjectStore>> {
-    let options = options(&["AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT"]);
-    let mut builder = AmazonS3Builder::from_env().with_bucket_name(bucket);
+    let options = options(&ENDPOINTS[..3]);
+    let mut builder = AmazonS3Builder::new().with_bucket_name(bucket);
+    // An empty variable is like none.
+    for (variable, value) in env::vars().filter(|(_, value)| !value.is_empty()) {
+        if let Some(key) = variable.starts_with("AWS_").then(|| variable.to_ascii_lowercase().parse().ok()).flatten() {
+            builder = builder.with_config(key, value);
+        }
+    }
     let has = |name: &str| env::var_os(name).is_some_and(|value| !value.is_empty());
     let is_given = [
         "AWS_ACCESS_KEY_ID",
@@ -185,6 +234,30 @@ fn is_machine_of(vendor: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn wrong_variables_are_named() {
+        for server in
+            ["http://127.0.0.1:9000", "https://s3.host", "http://[::1]:80/path", "http://[::1]", "https://a-b:1"]
+        {
+            assert_eq!(check_variable("AWS_ENDPOINT_URL", server), Ok(()), "{server}");
+        }
+        check_variable("AWS_ENDPOINT_URL", "").expect("like none");
+        for wrong in [
+            "127.0.0.1:9000",
+            "http://",
+            "http://host:99999",
+            "http://a b",
+            "ftp://x",
+            "https://:80",
+            "http://u:pw@h:x",
+        ] {
+            let error = check_variable("AWS_ENDPOINT_URL", wrong).expect_err(wrong).to_string();
+            assert!(error.contains("AWS_ENDPOINT_URL is `") && !error.contains("pw"), "{error}");
+        }
+        let error = check_variable("AWS_SECRET_ACCESS_KEY", "secret\n").expect_err("an end of line").to_string();
+        assert!(error.contains("AWS_SECRET_ACCESS_KEY") && !error.contains("secret\n"), "{error}");
+    }
 
     #[test]
     fn wrong_urls_are_refused_without_their_secrets() {

@@ -14,7 +14,9 @@ const LONGEST: usize = 300;
 pub fn error(name: impl AsRef<Path>, failure: &Failure) -> Error {
     let text = chain(failure);
     let (kind, help) = match failure {
-        _ if text.contains("NoSuchBucket") => (ErrorKind::NotFound, Some(NOWHERE)),
+        _ if ["NoSuchBucket", "ContainerNotFound"].iter().any(|code| text.contains(code)) => {
+            (ErrorKind::NotFound, Some(NOWHERE))
+        }
         Failure::NotFound { .. } => (ErrorKind::NotFound, None),
         Failure::AlreadyExists { .. } => (ErrorKind::AlreadyExists, None),
         _ if has_odd_key(failure) => (ErrorKind::InvalidData, Some(ODD_KEY)),
@@ -153,6 +155,7 @@ mod tests {
             (Failure::Generic { store: "S3", source: "status code: 400 Bad Request: ".into() }, DENIED),
             (Failure::Generic { store: "S3", source: answer("NoSuchBucket") }, NOWHERE),
             (Failure::NotFound { path: "x".into(), source: answer("NoSuchBucket") }, NOWHERE),
+            (Failure::Generic { store: "MicrosoftAzure", source: answer("ContainerNotFound") }, NOWHERE),
             (Failure::Generic { store: "S3", source: answer("InternalError") }, OFFLINE),
         ] {
             let error = error("s3://b/x", &failure).to_string();

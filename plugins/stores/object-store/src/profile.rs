@@ -18,7 +18,7 @@ impl Profile {
     /// The profile that `AWS_PROFILE` names, or `default`; none if no file has it.
     ///
     /// # Errors
-    /// If `AWS_PROFILE` names a profile that no file has, or a file cannot be read.
+    /// If `AWS_PROFILE` names a profile that no file has, or whose file cannot be read.
     pub fn of_environment() -> Result<Option<Self>> {
         let named = env::var("AWS_PROFILE").ok().filter(|name| !name.is_empty());
         let name = named.as_deref().unwrap_or("default");
@@ -28,7 +28,11 @@ impl Profile {
         };
         let read = |path: Option<PathBuf>| match path.map(|path| (fs::read_to_string(&path), path)) {
             Some((Ok(text), _)) => Ok(text),
-            Some((Err(error), path)) if error.kind() != std::io::ErrorKind::NotFound => Err(Error::io(path, &error)),
+            // A container often has the home folder of another user.
+            Some((Err(error), path)) if named.is_some() && error.kind() != std::io::ErrorKind::NotFound => {
+                Err(Error::io(path, &error)
+                    .help("AWS_PROFILE names a profile: make its file readable, or unset AWS_PROFILE"))
+            }
             _ => Ok(String::new()),
         };
         let config = read(file("AWS_CONFIG_FILE", "config"))?;
