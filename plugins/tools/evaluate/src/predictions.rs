@@ -13,6 +13,7 @@ use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK
 use syntable_model::reader::{ImageRef, OpenDataset, ReadImage, Source};
 use syntable_model::registry::Registry;
 use syntable_model::scene::InstanceId;
+use syntable_model::shown::shown;
 
 /// Opens a dataset or a folder of label maps. Also returns its format.
 ///
@@ -173,7 +174,7 @@ fn paired(path: &Path, own: &[ImageRef], (truth, images): (&Path, &[ImageRef])) 
     let refuse = |message: String, help: &'static str| Error::new(message).in_file(path).help(help);
     for (number, image) in own.iter().enumerate() {
         let Some(of) = known.find(&image.name) else {
-            let message = format!("image \"{}\" is not in {}", image.name, truth.display());
+            let message = format!("image \"{}\" is not in {}", image.name, shown(truth).display());
             return Err(refuse(message, "use the image names of the ground truth, and leave other images out"));
         };
         if let Some(other) = pairs[of].replace(number) {
