@@ -18,7 +18,7 @@ pub(super) struct JobArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<String>,
     /// Number of shards.
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=i64::from(Shard::MOST)))]
     shards: u32,
 }
 

@@ -52,10 +52,18 @@ fn is_whole(found: &Status) -> bool {
     found.datasets.iter().all(|dataset| dataset.finished) && found.total.done == found.total.scenes
 }
 
+/// Missing shards that have a row each. `--json` has all.
+const SHOWN: usize = 100;
+
 /// The rows of the table: name, state, and counts.
 fn rows(found: &Status) -> Vec<[String; 3]> {
     let mut rows: Vec<[String; 3]> = found.datasets.iter().map(row).collect();
-    rows.extend(found.missing_shards.iter().map(|shard| [format!("shard {shard}"), "no folder".into(), String::new()]));
+    let missing = found.missing_shards.iter().take(SHOWN);
+    rows.extend(missing.map(|shard| [format!("shard {shard}"), "no folder".into(), String::new()]));
+    let more = found.missing_shards.len().saturating_sub(SHOWN);
+    if more > 0 {
+        rows.push([format!("{more} more shards"), "no folder".into(), String::new()]);
+    }
     match (&mut *rows, &*found.datasets) {
         // The other shards are elsewhere.
         ([[_, _, text]], [DatasetStatus { shard: Some(shard), .. }]) => *text = format!("shard {shard}: {text}"),

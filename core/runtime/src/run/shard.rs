@@ -25,11 +25,18 @@ impl Shard {
     /// The shard with all scenes.
     pub const WHOLE: Self = Self { index: 0, count: 1 };
 
+    /// Largest number of shards of a dataset. `status` lists the missing ones.
+    pub const MOST: u32 = 1_000_000;
+
     /// A shard by its number.
     ///
     /// # Errors
-    /// If the number is not below the number of shards.
+    /// If the number is not below the number of shards, or there are more than [`MOST`](Self::MOST) shards.
     pub fn new(index: u32, count: u32) -> Result<Self> {
+        if count > Self::MOST {
+            let message = format!("{count} shards are more than a dataset may have");
+            return Err(Error::new(message).help(format!("make at most {} shards", Self::MOST)).of_request());
+        }
         if index < count {
             return Ok(Self { index, count });
         }
@@ -44,7 +51,8 @@ impl Shard {
     pub(crate) fn of_dataset(dataset: &StoreFolder) -> Result<Option<Self>> {
         let path = layout::shard();
         let Some(text) = foreign::read_list(dataset, &path)? else { return Ok(None) };
-        let shard = serde_json::from_slice::<Self>(&text).ok().filter(|shard| shard.index < shard.count);
+        let shard =
+            serde_json::from_slice::<Self>(&text).ok().filter(|shard| Self::new(shard.index, shard.count).is_ok());
         shard.map(Some).ok_or_else(|| {
             Error::new("not the number of a shard, such as {\"index\":3,\"count\":10}")
                 .in_file(dataset.name_of(&path))

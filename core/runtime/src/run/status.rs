@@ -9,6 +9,7 @@ use crate::run::dataset::vanished::vanished;
 use crate::run::merge::datasets_in;
 use crate::run::shard::Shard;
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
 use syntable_model::error::{Error, Result};
@@ -106,8 +107,9 @@ fn missing_shards(found: &[(Shard, u32)]) -> Vec<(Shard, u32)> {
     if found.iter().any(|(shard, _)| shard.count != count) {
         return Vec::new();
     }
-    let all = (0..count).map(|index| (Shard { index, count }, scenes));
-    all.filter(|(shard, _)| !found.iter().any(|(other, _)| other == shard)).collect()
+    let found: BTreeSet<u32> = found.iter().map(|(shard, _)| shard.index).collect();
+    let missing = (0..count).filter(|index| !found.contains(index));
+    missing.map(|index| (Shard { index, count }, scenes)).collect()
 }
 
 impl Progress {
@@ -222,5 +224,7 @@ mod tests {
         let shard = |index| (Shard { index, count: 4 }, 24);
         assert_eq!(missing_shards(&[shard(0), shard(3)]), [shard(1), shard(2)]);
         assert!(missing_shards(&[]).is_empty());
+        // A part that a stranger made must not ask for gigabytes.
+        assert!(Shard::new(0, Shard::MOST).is_ok() && Shard::new(0, u32::MAX).is_err());
     }
 }
