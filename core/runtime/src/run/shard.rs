@@ -31,7 +31,7 @@ impl Shard {
     /// A shard by its number.
     ///
     /// # Errors
-    /// If the number is not below the number of shards, or there are more than [`MOST`](Self::MOST) shards.
+    /// If the number is not below the number of shards, or their number exceeds [`MOST`](Self::MOST).
     pub fn new(index: u32, count: u32) -> Result<Self> {
         if count > Self::MOST {
             let message = format!("{count} shards are more than a dataset may have");

@@ -109,7 +109,7 @@ fn is_server(text: &str) -> bool {
     is_host && port.is_none_or(|port| port.parse::<u16>().is_ok())
 }
 
-/// An address without what stands before `@`.
+/// An address without the user and the password.
 fn without_password(address: &str) -> &str {
     address.rsplit_once('@').map_or(address, |(_, host)| host)
 }
