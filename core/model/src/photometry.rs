@@ -9,6 +9,7 @@ use crate::scene::EnvironmentMap;
 use std::f64::consts::{PI, TAU};
 
 /// Luminance of a linear Rec. 709 color.
+#[inline]
 pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
