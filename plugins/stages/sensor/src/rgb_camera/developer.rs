@@ -29,10 +29,20 @@ impl Developer {
 
     /// The codes of a color in nits.
     pub fn code(&self, nits: [f32; 3]) -> [u8; 3] {
-        let nits = std::array::from_fn(|c| nits[c] * self.gains[c]);
+        let mut code = [[0; 3]];
+        self.develop(&[nits], &mut code);
+        code[0]
+    }
+
+    /// The codes of colors in nits.
+    pub fn develop(&self, nits: &[[f32; 3]], codes: &mut [[u8; 3]]) {
+        let balanced = |nits: &[f32; 3]| std::array::from_fn(|c| nits[c] * self.gains[c]);
+        let pixels = codes.iter_mut().zip(nits);
         match &self.codes {
-            Codes::Curve(curve) => nits.map(|nits| curve.code(nits)),
-            Codes::Agx(agx) => agx.code(nits),
+            Codes::Curve(curve) => {
+                pixels.for_each(|(code, nits)| *code = balanced(nits).map(|nits| curve.code(nits)));
+            }
+            Codes::Agx(agx) => pixels.for_each(|(code, nits)| *code = agx.code(balanced(nits))),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The exposure meter.
 
+use super::ranks::Ranks;
 use syntable_model::photometry::luminance;
 
 /// Luminance that saturates the image at an exposure value for ISO 100, nits: `78 / (100 · 0.65) · 2^EV100`, from
@@ -26,34 +27,45 @@ const DARK_EV100: f64 = 0.0;
 /// recover, such as a light in the image, do not count here. Pixels that are zero or not finite never count; an image
 /// without light has EV 0.
 pub fn ev100_of(radiance: &[[f32; 3]]) -> f64 {
-    let lit: Vec<f32> = radiance
-        .iter()
-        .map(|pixel| luminance(pixel.map(f64::from)) as f32)
-        .filter(|y| y.is_finite() && *y > 0.0)
-        .collect();
-    if lit.is_empty() {
-        return DARK_EV100;
-    }
-    let mut sorted = lit.clone();
-    let rank = |fraction: f64| ((lit.len() - 1) as f64 * fraction).round() as usize;
-    let (low, high) = (rank(TAIL), rank(1.0 - TAIL));
-    // A selection leaves the smaller values before the selected one.
-    let high_nits = *sorted.select_nth_unstable_by(high, f32::total_cmp).1;
-    let low_nits = *sorted[..=high].select_nth_unstable_by(low, f32::total_cmp).1;
-    // In image order, so that the sum is reproducible.
-    let (mut sum_ln, mut count) = (0.0, 0);
-    for y in lit.iter().copied().filter(|y| (low_nits..=high_nits).contains(y)) {
-        sum_ln += libm::log(f64::from(y));
-        count += 1;
-    }
-    let mean_ln = sum_ln / f64::from(count);
-    let metered = libm::log2(libm::exp(mean_ln) * 100.0 / METER_K);
+    let (lit, count) = lit(radiance.iter().copied());
+    let Some(last) = count.checked_sub(1) else { return DARK_EV100 };
+    let ranks = Ranks::new(&lit);
+    let at = |count: usize, fraction: f64| ranks.at((count as f64 * fraction).round() as usize);
+    let (low, high) = (at(last, TAIL), at(last, 1.0 - TAIL));
+    let metered = libm::log2(libm::exp(mean_ln(&lit, low, high)) * 100.0 / METER_K);
     let recoverable_nits = white_nits(metered + GUARD_EV) as f32;
-    let mut recoverable: Vec<f32> = lit.into_iter().filter(|y| *y <= recoverable_nits).collect();
-    // The metered pixels are far below that limit, so the list is not empty.
-    let bright = ((recoverable.len() - 1) as f64 * (1.0 - CLIPPED)).round() as usize;
-    let bright_nits = *recoverable.select_nth_unstable_by(bright, f32::total_cmp).1;
+    // The metered pixels are far below that limit, so some are recoverable. They are the first in the order.
+    let recoverable = lit.iter().filter(|y| **y <= recoverable_nits).count();
+    let bright_nits = at(recoverable - 1, 1.0 - CLIPPED);
     libm::log2(f64::from(bright_nits) / white_nits(0.0)).clamp(metered, metered + GUARD_EV)
+}
+
+/// Luminance of each pixel, and the number of lit pixels. Pixels that are zero or not finite have
+/// NaN, the last in the order of [`Ranks`].
+pub(super) fn lit(radiance: impl Iterator<Item = [f32; 3]>) -> (Vec<f32>, usize) {
+    let luminance = |pixel: [f32; 3]| luminance(pixel.map(f64::from)) as f32;
+    let lit = |y: f32| if y > 0.0 && y < f32::INFINITY { y } else { f32::NAN };
+    let lit: Vec<f32> = radiance.map(|pixel| lit(luminance(pixel))).collect();
+    let count = lit.iter().filter(|y| !y.is_nan()).count();
+    (lit, count)
+}
+
+/// Mean of the natural logarithms of the numbers from `low` to `high`, both positive. One of them is in the list.
+fn mean_ln(values: &[f32], low: f32, high: f32) -> f64 {
+    /// Numbers that are multiplied before a logarithm. The product of so many of the smallest or largest numbers is a normal one.
+    const TOGETHER: usize = 6;
+    let (mut sum, mut count) = (0.0, 0);
+    // In image order, so that the sum is reproducible.
+    for values in values.chunks(TOGETHER) {
+        let mut product = 1.0;
+        for y in values {
+            let is_in = (low..=high).contains(y);
+            product *= if is_in { f64::from(*y) } else { 1.0 };
+            count += u32::from(is_in);
+        }
+        sum += libm::log(product);
+    }
+    sum / f64::from(count)
 }
 
 #[cfg(test)]
@@ -72,6 +84,15 @@ mod tests {
         // Luminance, not the mean of the channels.
         close(ev100_of(&[[0.0, 0.125 / 0.7152, 0.0]; 50]), 0.0);
         close(white_nits(3.0), 9.6);
+    }
+
+    #[test]
+    fn the_mean_is_of_the_logarithms() {
+        for values in [[f32::MAX; 20], [1e-45; 20], std::array::from_fn(|i| 0.3 * 1.7_f32.powi(i as i32 - 10))] {
+            let want = values.iter().map(|y| f64::from(*y).ln()).sum::<f64>() / 20.0;
+            close(mean_ln(&values, 0.0, f32::MAX), want);
+        }
+        close(mean_ln(&[0.1, 2.0, 8.0, 100.0], 1.0, 10.0), 4.0_f64.ln());
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod jpeg;
 mod lens;
 mod meter;
 mod noise;
+mod ranks;
 mod sigmoid;
 mod tone;
 mod white_balance;
@@ -124,9 +125,8 @@ impl Sensor for RgbCamera {
         }
         let developer = Developer::new(self.tone, white, gains);
         let mut image = filled(workers, [light.width(), light.height()], |y, row: &mut [[u8; 3]]| {
-            for (x, code) in row.iter_mut().enumerate() {
-                *code = developer.code(*light.at(x as u32, y));
-            }
+            let start = y as usize * row.len();
+            developer.develop(&light.data()[start..start + row.len()], row);
         });
         if let Some(jpeg) = &self.jpeg {
             applied.push(("jpeg", jpeg.apply(&mut image, &stream("jpeg"))?));

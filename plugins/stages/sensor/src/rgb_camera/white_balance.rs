@@ -1,13 +1,16 @@
 //! White balance.
 
+use super::meter::lit;
+use super::ranks::Ranks;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
+use std::sync::LazyLock;
 use syntable_model::dist::Dist;
 use syntable_model::error::ConfigError;
-use syntable_model::photometry::{blackbody, luminance};
+use syntable_model::photometry::blackbody;
 use syntable_model::product::Value;
 use syntable_model::random::Stream;
 
@@ -80,38 +83,58 @@ impl WhiteBalance {
     }
 }
 
-/// Radiance of the pixels that show a surface with an albedo, and the color of the light that falls on it.
-fn incident<'a>(radiance: &'a [[f32; 3]], albedo: &'a [[f32; 3]]) -> impl Iterator<Item = ([f32; 3], [f32; 3])> + 'a {
-    let pairs = radiance.iter().zip(albedo).filter(|(_, albedo)| albedo.iter().all(|&a| a >= MIN_ALBEDO));
-    pairs.map(|(&pixel, albedo)| (pixel, std::array::from_fn(|c| pixel[c] / albedo[c])))
+/// Radiance of the pixels that show a surface with an albedo, and the color of the light that falls on it. Other pixels are
+/// black.
+fn incident<'a>(
+    radiance: &'a [[f32; 3]],
+    albedo: &'a [[f32; 3]],
+) -> impl Iterator<Item = ([f32; 3], [f32; 3])> + Clone + 'a {
+    radiance.iter().zip(albedo).map(|(pixel, albedo)| {
+        let reflects = albedo.iter().all(|&a| a >= MIN_ALBEDO);
+        (if reflects { *pixel } else { [0.0; 3] }, std::array::from_fn(|c| pixel[c] / albedo[c]))
+    })
 }
 
 /// The temperature of the light, kelvin, estimated from the radiance of each pixel and the color of its light; `None`
 /// if no pixel is lit.
-fn estimated(pixels: impl Iterator<Item = ([f32; 3], [f32; 3])>) -> Option<f64> {
-    let lit: Vec<(f32, [f32; 3])> = pixels
-        .filter(|(pixel, _)| pixel.iter().all(|v| v.is_finite() && *v > 0.0))
-        .map(|(pixel, light)| (luminance(pixel.map(f64::from)) as f32, light))
-        .collect();
-    let last = lit.len().checked_sub(1)?;
-    let mut sorted: Vec<f32> = lit.iter().map(|(y, _)| *y).collect();
-    let mut quantile =
-        |fraction: f64| *sorted.select_nth_unstable_by((last as f64 * fraction) as usize, f32::total_cmp).1;
+fn estimated(pixels: impl Iterator<Item = ([f32; 3], [f32; 3])> + Clone) -> Option<f64> {
+    let black_unless_lit = |(pixel, _): ([f32; 3], _)| {
+        let is_lit = pixel.iter().all(|v| *v > 0.0 && *v < f32::INFINITY);
+        if is_lit { pixel } else { [0.0; 3] }
+    };
+    let (lit, count) = lit(pixels.clone().map(black_unless_lit));
+    let last = count.checked_sub(1)?;
+    let ranks = Ranks::new(&lit);
+    let quantile = |fraction: f64| ranks.at((last as f64 * fraction) as usize);
     let (low, high) = (quantile(TAIL), quantile(1.0 - TAIL));
-    let ratio = |channel: usize| {
-        let mut ratios: Vec<f32> =
-            lit.iter().filter(|(y, _)| (low..=high).contains(y)).map(|(_, light)| light[channel] / light[1]).collect();
-        let middle = ratios.len() / 2;
-        let median = *ratios.select_nth_unstable_by(middle, f32::total_cmp).1;
-        libm::log(f64::from(median))
+    let is_inner = |y: f32| low <= y && y <= high;
+    let inner = lit.iter().filter(|y| is_inner(**y)).count();
+    let median = |channel: usize| {
+        let ratio = |(y, (_, light)): (&f32, (_, [f32; 3]))| {
+            let ratio = light[channel] / light[1];
+            // The last in the order.
+            if is_inner(*y) { ratio } else { f32::NAN }
+        };
+        let ratios: Vec<f32> = lit.iter().zip(pixels.clone()).map(ratio).collect();
+        f64::from(Ranks::new(&ratios).at(inner / 2))
     };
-    let (red, blue) = (ratio(0), ratio(2));
-    let distance = |mired: u32| {
-        let [r, g, b] = blackbody(1e6 / f64::from(mired));
-        (libm::log(r / g) - red).powi(2) + (libm::log(b / g) - blue).powi(2)
-    };
-    let nearest = MIRED.map(|mired| (distance(mired), mired)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (red, blue) = (libm::log(median(0)), libm::log(median(2)));
+    let distance = |[r, b]: [f64; 2]| (r - red).powi(2) + (b - blue).powi(2);
+    let distances = MIRED.zip(black_bodies()).map(|(mired, ratios)| (distance(*ratios), mired));
+    let nearest = distances.min_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(1e6 / f64::from(nearest.1))
+}
+
+/// Logarithms of red over green and of blue over green, for each temperature of [`MIRED`].
+fn black_bodies() -> &'static [[f64; 2]] {
+    static RATIOS: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
+        let ratios = |mired: u32| {
+            let [r, g, b] = blackbody(1e6 / f64::from(mired));
+            [libm::log(r / g), libm::log(b / g)]
+        };
+        MIRED.map(ratios).collect()
+    });
+    &RATIOS
 }
 
 #[derive(Serialize, Deserialize)]
@@ -188,6 +211,7 @@ impl JsonSchema for WhiteBalance {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use syntable_model::photometry::luminance;
 
     /// Radiance and albedo of a room; two fifths of the image are painted, the rest has the color of the walls.
     fn room(kelvin: f64, walls: [f64; 3], paint: [f64; 3]) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
