@@ -16,7 +16,8 @@ class Run:
     """What a run made of one scene."""
 
     folder: Path
-    seconds: list[float]
+    #: From the start of the program to the end of the last image, s.
+    seconds: float
 
     def scene(self) -> glb.Scene:
         """The exported scene."""
@@ -32,10 +33,7 @@ class Run:
 
 
 def run(binary: Path, recipe: Path, out: Path, settings: list[str], folders: dict[str, Path]) -> Run:
-    """Runs a recipe. `seconds` are from one image's end to the next one's: all that the program does for a view of a
-    scene that is loaded, labels and writing included. The first view's are those of loading and settling, too, and are
-    left out.
-    """
+    """Runs a recipe."""
     command = [binary, "--log-format", "json", "run", recipe, "--out", out, "--overwrite"]
     for setting in settings:
         command += ["--set", setting]
@@ -46,4 +44,4 @@ def run(binary: Path, recipe: Path, out: Path, settings: list[str], folders: dic
     if done.returncode:
         raise SystemExit("\n".join(event.get("message", str(event)) for event in events))
     ends = [event["elapsed_s"] for event in events if event.get("event") == "image"]
-    return Run(out, np.diff(ends).tolist())
+    return Run(out, max(ends))
