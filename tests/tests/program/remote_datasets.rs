@@ -94,13 +94,13 @@ fn a_conversion_goes_to_a_bucket_and_pages_stay_here() {
     let again = fails(&mut convert(&url("mine"), &url("coco")), 2);
     assert!(again.contains(&url("coco")) && again.contains("empty"), "{again}");
     // A folder `s3:` would be of no use.
-    let (work, pages) = (case.local("work"), url("pages"));
+    let (work, pages, sheet) = (case.local("work"), url("pages"), url("pages.png"));
     fs::create_dir(&work).expect("writable");
     for command in [
         vec!["report", &local, "--out", &pages],
         vec!["stats", &local, "--csv", &pages],
         vec!["new", "recipe", &pages],
-        vec!["preview", "builtin:quickstart", "--out", &pages],
+        vec!["preview", "builtin:quickstart", "--out", &sheet],
     ] {
         let output = case.syntable(&command).current_dir(&work).output().expect("starts");
         let said = text(&output);
