@@ -322,6 +322,7 @@ fn write_schema(registry: &Registry, folder: &Path) -> Result<PathBuf, Exit> {
 
 /// Writes a new file, and creates its folder.
 fn create(path: &Path, text: &str) -> Result<(), Exit> {
+    durable::check_here(path).map_err(Exit::stopped)?;
     if let Some(parent) = path.parent() {
         fs::create_dir_all(parent).map_err(|error| Exit::wrong(Error::io(path, &error)))?;
     }

@@ -167,7 +167,10 @@ pub fn create_file(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// Refuses a URL, which would become a folder of a strange name.
-fn check_here(path: &Path) -> Result<()> {
+///
+/// # Errors
+/// If the path is a URL.
+pub fn check_here(path: &Path) -> Result<()> {
     match path.to_str().is_some_and(is_url) {
         true => Err(Error::new("this command writes to folders of this machine, and not to URLs")
             .in_file(path)
