@@ -55,10 +55,7 @@ pub fn open(url: &str) -> Result<StoreFolder> {
 }
 
 fn objects(scheme: &str, bucket: &str, name: String) -> Result<Arc<Objects>> {
-    let variables =
-        env::vars_os().filter_map(|(key, value)| Some((key.into_string().ok()?, value.into_string().ok()?)));
-    let variables = variables.filter(|(key, _)| PREFIXES.iter().any(|prefix| key.starts_with(prefix)));
-    let made: Made = (name.clone(), variables.collect());
+    let made: Made = (name.clone(), variables(&PREFIXES).collect());
     made.1.iter().try_for_each(|(variable, value)| check_variable(variable, value))?;
     if let Some(objects) = BUCKETS.lock().get(&made) {
         return Ok(Arc::clone(objects));
@@ -75,6 +72,12 @@ fn objects(scheme: &str, bucket: &str, name: String) -> Result<Arc<Objects>> {
     let objects = Arc::new(Objects::connected(Box::new(connect), name, LeaseTimes::default())?);
     BUCKETS.lock().insert(made, Arc::clone(&objects));
     Ok(objects)
+}
+
+/// The variables that begin with one of some texts. The program may have other variables that are no Unicode.
+fn variables(prefixes: &[&str]) -> impl Iterator<Item = (String, String)> {
+    let texts = env::vars_os().filter_map(|(key, value)| Some((key.into_string().ok()?, value.into_string().ok()?)));
+    texts.filter(|(key, _)| prefixes.iter().any(|prefix| key.starts_with(prefix)))
 }
 
 /// Refuses values that the clients cannot put into requests.
@@ -135,8 +138,8 @@ fn s3(bucket: &str) -> Result<Arc<dyn ObjectStore>> {
     let options = options(&ENDPOINTS[..3]);
     let mut builder = AmazonS3Builder::new().with_bucket_name(bucket);
     // An empty variable is like none.
-    for (variable, value) in env::vars().filter(|(_, value)| !value.is_empty()) {
-        if let Some(key) = variable.starts_with("AWS_").then(|| variable.to_ascii_lowercase().parse().ok()).flatten() {
+    for (variable, value) in variables(&PREFIXES[..1]).filter(|(_, value)| !value.is_empty()) {
+        if let Ok(key) = variable.to_ascii_lowercase().parse() {
             builder = builder.with_config(key, value);
         }
     }
