@@ -34,7 +34,7 @@ impl Developer {
         code[0]
     }
 
-    /// The codes of colors in nits.
+    /// Fills `codes` with the codes of colors in nits, one by one.
     pub fn develop(&self, nits: &[[f32; 3]], codes: &mut [[u8; 3]]) {
         let balanced = |nits: &[f32; 3]| std::array::from_fn(|c| nits[c] * self.gains[c]);
         let pixels = codes.iter_mut().zip(nits);
