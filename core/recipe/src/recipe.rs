@@ -10,16 +10,17 @@ use crate::tables::dataset::{Dataset, Lock};
 use crate::tables::pool::Pool;
 use crate::writer_paths::{bad_paths, unready};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_model::check::LabelCheck;
-use syntable_model::digest::Digest;
+use syntable_model::context::Log;
+use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
 use syntable_model::mirror::{DatasetFile, Mirror};
 use syntable_model::random::Stream;
 use syntable_model::registry::Slot;
 use syntable_model::scene::CatalogEntry;
-use syntable_model::stage::{DatasetInfo, Scenes, Writer};
+use syntable_model::stage::{Companions, DatasetInfo, Scenes, Writer};
 
 /// A loaded recipe, ready to be planned and run.
 pub struct Recipe {
@@ -147,13 +148,37 @@ impl Recipe {
     /// # Errors
     /// If a file cannot be read.
     pub fn file_digests(&self) -> Result<BTreeMap<String, String>> {
+        self.digests_with(&BTreeMap::new())
+    }
+
+    /// Digests of the files that options name, by option, for `[lock]`. The digest of a file that names others, such as a mesh
+    /// and its images, covers them. Folders have no digest.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn input_digests(&self, log: &dyn Log) -> Result<BTreeMap<String, String>> {
+        self.digests_with(&self.companions(log)?)
+    }
+
+    fn digests_with(&self, companions: &BTreeMap<PathBuf, BTreeSet<PathBuf>>) -> Result<BTreeMap<String, String>> {
         let files = self.files.iter().filter(|(_, path)| !path.is_dir());
         let digest = |(option, path): &(String, PathBuf)| {
-            let read = DatasetFile::open(path).and_then(Digest::of_reader);
-            let (digest, _) = read.map_err(|error| Error::io(path, &error).context(option))?;
+            let digest = digest_of(path, companions.get(path)).map_err(|error| error.context(option))?;
             Ok((option.clone(), digest.to_string()))
         };
         files.map(digest).collect()
+    }
+
+    /// The files that placers read because the files of their options name them, by the option's file.
+    fn companions(&self, log: &dyn Log) -> Result<BTreeMap<PathBuf, BTreeSet<PathBuf>>> {
+        let mut all: BTreeMap<PathBuf, BTreeSet<PathBuf>> = BTreeMap::new();
+        for (id, placers) in self.components.all().flat_map(|component| &component.place) {
+            for placer in placers.all() {
+                let found = placer.companions(log).map_err(|error| error.context(format!("place.{id}")))?;
+                found.into_iter().for_each(|Companions { of, files }| all.entry(of).or_default().extend(files));
+            }
+        }
+        Ok(all)
     }
 
     /// Information on the dataset that stages may use.
@@ -178,4 +203,22 @@ impl Recipe {
     pub fn info_of(&self, component: &Component) -> DatasetInfo {
         DatasetInfo { label_surface: component.render.label_surface(), ..self.dataset_info() }
     }
+}
+
+/// The digest of a file, and of the files that belong to it: their names and contents.
+fn digest_of(path: &Path, companions: Option<&BTreeSet<PathBuf>>) -> Result<Digest> {
+    let of_file = |path: &Path| {
+        let read = DatasetFile::open(path).and_then(Digest::of_reader);
+        read.map(|(digest, _)| digest).map_err(|error| Error::io(path, &error))
+    };
+    let digest = of_file(path)?;
+    let Some(companions) = companions.filter(|companions| !companions.is_empty()) else { return Ok(digest) };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    companions
+        .iter()
+        .try_fold(Hasher::new("file with companions").digest(digest), |hasher, companion| {
+            let name = companion.strip_prefix(folder).unwrap_or(companion).to_string_lossy().replace('\\', "/");
+            Ok(hasher.text(&name).digest(of_file(companion)?))
+        })
+        .map(Hasher::finish)
 }

@@ -1,6 +1,7 @@
-//! `check --asset` on bad and odd inputs: each behaves as its name says.
+//! Files of assets: `check --asset` on bad and odd inputs, of which each behaves as its name says, and changed files.
 
-use crate::support::{assets, syntable, text};
+use crate::support::{SMALL, assets, fails, ok, syntable, text};
+use std::path::Path;
 
 #[test]
 fn broken_inputs_behave_as_their_names_say() {
@@ -80,4 +81,42 @@ fn an_asset_is_described_and_a_missing_one_named() {
     let output = syntable().args(["check", "--asset", "README.md"]).output().expect("starts");
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output).contains("no known kind of asset") && text(&output).contains("OBJ"), "{}", text(&output));
+}
+
+#[test]
+fn the_lock_covers_the_materials_of_a_placed_mesh() {
+    let folder = tempfile::tempdir().expect("temp folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("writable");
+    write(
+        "shelf.obj",
+        "mtllib shelf.mtl\nusemtl oak\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
+    );
+    let color = |color: &str| write("shelf.mtl", &format!("newmtl oak\nKd {color}\n"));
+    color("0.8 0.1 0.1");
+    write("beside.txt", "no part of the mesh");
+    write(
+        "my.toml",
+        "extends = \"builtin:quickstart\"\n[[place]]\nid = \"shelf\"\nkind = \"mesh\"\npath = \"shelf.obj\"\nposition_m = [0, 0, 1.5]\n",
+    );
+    let (recipe, out) = (folder.path().join("my.toml"), folder.path().join("out"));
+    let run = |recipe: &Path, out: &Path, scenes: u32| {
+        let mut command = syntable();
+        command.arg("run").arg(recipe).arg("--out").arg(out).args(SMALL);
+        command.args(["--set", &format!("dataset.scenes={scenes}")]);
+        command
+    };
+    ok(&mut run(&recipe, &out, 1));
+    // A file that the mesh does not name may change.
+    write("beside.txt", "still no part of the mesh");
+    ok(&mut run(&recipe, &out, 2));
+    color("0.1 0.1 0.8");
+    let changed = "the file of `place.shelf.path` or a file that it names has changed";
+    let said = fails(&mut run(&recipe, &out, 3), 2);
+    assert!(said.contains(changed), "{said}");
+    let resolved = folder.path().join("resolved.toml");
+    std::fs::copy(out.join("recipe.toml"), &resolved).expect("copied");
+    let said = fails(&mut run(&resolved, &folder.path().join("again"), 1), 2);
+    assert!(said.contains(changed), "{said}");
+    color("0.8 0.1 0.1");
+    ok(&mut run(&recipe, &out, 3));
 }

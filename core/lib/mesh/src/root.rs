@@ -8,10 +8,11 @@
 use crate::limits::Budget;
 use crate::scan::{is_dir, list, metadata};
 use crate::text::shorten;
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use syntable_model::error::{Error, Result};
 use syntable_model::files::replacement;
 use syntable_model::limits::LIST_BYTES;
@@ -49,6 +50,8 @@ pub struct AssetRoot {
     canonical: PathBuf,
     /// Budget that all copies of this root share.
     budget: Arc<Budget>,
+    /// The files that all copies of this root have read.
+    read: Arc<Mutex<BTreeSet<PathBuf>>>,
 }
 
 impl AssetRoot {
@@ -66,7 +69,7 @@ impl AssetRoot {
         if !is_dir(&canonical)? {
             return Err(Error::new("not a folder").in_file(folder).help("`root` must name a folder of assets"));
         }
-        Ok(Self { shown: folder.to_owned(), canonical, budget: Arc::default() })
+        Ok(Self { shown: folder.to_owned(), canonical, budget: Arc::default(), read: Arc::default() })
     }
 
     /// The same folder, for one asset with these limits. Without this, default limits apply.
@@ -81,7 +84,14 @@ impl AssetRoot {
 
     /// Reads a whole file of the asset: regular, not empty, within its limits. Errors name the file.
     pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
-        read(path, &|bytes| self.budget.bytes(bytes))
+        let bytes = read(path, &|bytes| self.budget.bytes(bytes))?;
+        self.read.lock().unwrap_or_else(PoisonError::into_inner).insert(path.to_owned());
+        Ok(bytes)
+    }
+
+    /// The files that this root and its copies have read, in order of their paths.
+    pub fn files_read(&self) -> Vec<PathBuf> {
+        self.read.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
     }
 
     /// The folder, as the user wrote it.

@@ -35,7 +35,7 @@ pub use light_sampler::LightSampler;
 pub use output::{
     DAMAGED, FileWriter, Finish, Output, RESERVED, check_path, is_shared, path_of_scene, shard_path, unreadable,
 };
-pub use placer::{Part, PartUse, Placer};
+pub use placer::{Companions, Part, PartUse, Placer};
 pub use renderer::{Bodies, DeviceClass, LabelSurface, RenderDevice, RenderRequest, RenderSession, Renderer, Tile};
 pub use sensor::Sensor;
 pub use settler::Settler;

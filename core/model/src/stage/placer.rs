@@ -1,9 +1,10 @@
 //! Puts bodies into a scene.
 
-use crate::context::Context;
+use crate::context::{Context, Log};
 use crate::error::Result;
 use crate::names::SupportName;
 use crate::scene::{CatalogEntry, SceneBuilder};
+use std::path::PathBuf;
 
 /// Adds bodies, and what belongs to them such as supports, with their initial poses. Placers run in recipe order.
 pub trait Placer: Send + Sync {
@@ -27,6 +28,23 @@ pub trait Placer: Send + Sync {
     fn own_objects(&self) -> Vec<CatalogEntry> {
         Vec::new()
     }
+    /// The files of its options that name further files, and the files that it reads because of them: of a mesh, the files of
+    /// its materials, images and buffers. `[lock]` covers both by one digest.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    fn companions(&self, _log: &dyn Log) -> Result<Vec<Companions>> {
+        Ok(Vec::new())
+    }
+}
+
+/// A file of an option, and the files that a stage reads because of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Companions {
+    /// The option's file.
+    pub of: PathBuf,
+    /// The further files.
+    pub files: Vec<PathBuf>,
 }
 
 /// A part of a scene that one placer sets and others may need.

@@ -4,7 +4,7 @@ use crate::bounds::rotated_bounds;
 use crate::material::MaterialReplacement;
 use crate::variation::{ColorChange, Variation};
 use schemars::{Schema, SchemaGenerator, json_schema};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use syntable_mesh::format::MeshFormats;
 use syntable_mesh::mass::scaled_kg;
@@ -116,9 +116,16 @@ pub struct Mesh {
     loaded: Loaded,
 }
 
-/// The object of the file once a scene has needed it.
+/// What the file has, read when first needed.
 #[derive(Debug, Default)]
-struct Loaded(Mutex<Option<Arc<Object>>>);
+struct Loaded(Mutex<Option<Content>>);
+
+/// The object of a file, and the other files that it was read from.
+#[derive(Debug, Clone)]
+struct Content {
+    object: Arc<Object>,
+    companions: Vec<PathBuf>,
+}
 
 impl Clone for Loaded {
     fn clone(&self) -> Self {
@@ -257,8 +264,13 @@ impl Placer for Mesh {
         Some(entry).filter(|_| self.role == MeshRole::Object).into_iter().collect()
     }
 
+    fn companions(&self, log: &dyn Log) -> Result<Vec<Companions>> {
+        let files = self.content(log)?.companions;
+        Ok(vec![Companions { of: self.path.path().to_owned(), files }])
+    }
+
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
-        let object = self.object(context.log)?;
+        let Content { object, .. } = self.content(context.log)?;
         let from = match &self.relative_to {
             Some(_) => scene.support(self.relative_to.as_ref())?.center().coords,
             None => Vector3::zeros(),
@@ -316,20 +328,20 @@ impl Mesh {
         self.name.clone().unwrap_or_else(of_file)
     }
 
-    /// The object, read from the file when the first scene needs it.
-    fn object(&self, log: &dyn Log) -> Result<Arc<Object>> {
+    /// The content of the file, which the first call reads.
+    fn content(&self, log: &dyn Log) -> Result<Content> {
         // Held while reading, so that scenes that run in parallel repeat no warning.
         let mut loaded = self.loaded.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(object) = &*loaded {
-            return Ok(Arc::clone(object));
+        if let Some(content) = &*loaded {
+            return Ok(content.clone());
         }
         let path = self.path.path();
-        let object = Arc::new(guarded("the reader of meshes", path, || self.read(path, log))?);
-        *loaded = Some(Arc::clone(&object));
-        Ok(object)
+        let content = guarded("the reader of meshes", path, || self.read(path, log))?;
+        *loaded = Some(content.clone());
+        Ok(content)
     }
 
-    fn read(&self, path: &Path, log: &dyn Log) -> Result<Object> {
+    fn read(&self, path: &Path, log: &dyn Log) -> Result<Content> {
         let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
         let file = Path::new(path.file_name().unwrap_or_default());
         let root = AssetRoot::open(folder)?;
@@ -345,7 +357,9 @@ impl Mesh {
         object.model.obj_id = self.obj_id;
         let stated = StatedLengths { units: Some(self.units), scale: self.scale };
         size::check(object.mesh.bounds().size().max(), stated).map_err(|error| error.in_file(path))?;
-        Ok(object)
+        let itself = folder.join(file);
+        let companions = root.files_read().into_iter().filter(|read| *read != itself).collect();
+        Ok(Content { object: Arc::new(object), companions })
     }
 }
 

@@ -79,7 +79,9 @@ pub fn unchanged(
     }
     for (option, was) in &then.files {
         if now.files.get(option).is_some_and(|is| is != was) {
-            return refuse(format!("the file of `{option}` has changed since the dataset began"));
+            return refuse(format!(
+                "the file of `{option}` or a file that it names has changed since the dataset began"
+            ));
         }
     }
     Ok(())

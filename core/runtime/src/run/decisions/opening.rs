@@ -11,11 +11,11 @@ use crate::run::decisions::growth::{self, Growth};
 use crate::run::decisions::inputs;
 use crate::run::decisions::work_list::Todo;
 use crate::run::options::RunOptions;
-use crate::run::progress::{Event, Reporter, count};
+use crate::run::progress::{Event, Reporter, Warnings, count};
 use crate::run::scene_range::ranges;
 use crate::run::shard::{Shard, WantedScenes};
 use std::collections::{BTreeMap, BTreeSet};
-use syntable_model::context::{Log, Workers};
+use syntable_model::context::{Log, Steps, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::store::StoreFolder;
 use syntable_recipe::{CatalogNames, Lock, Recipe, lock_of, with_devices, with_lock};
@@ -58,7 +58,7 @@ impl<'a, 'o> CheckedRun<'a, 'o> {
         recipe.ready(options.allow_code)?;
         recipe.fits()?;
         let devices = inputs::devices(recipe)?;
-        let files = recipe.file_digests()?;
+        let files = recipe.input_digests(log)?;
         inputs::unchanged(&recipe.lock, &Lock { files: files.clone(), ..Lock::default() }, &BTreeMap::new(), None)?;
         let changes = options.overwrite || options.repair || options.rewrite;
         let assets = changes.then(|| open_pools(recipe, log)).transpose()?;
@@ -143,7 +143,10 @@ fn same_shard(folder: &Folder, now: Option<Shard>, journal: &Journal) -> Result<
 
 /// Opens the folder of a run. Completes the work of an interrupted run, unless the run will overwrite the dataset.
 pub fn open_folder(options: &RunOptions, reporter: &dyn Reporter) -> Result<Folder> {
-    recovered(Folder::open(&options.out)?, options, reporter)
+    let (steps, mut opened) = (Steps::default(), None);
+    steps.begin(format!("opening {}: a killed run may keep its lock for a while", options.out.name().display()));
+    Warnings(reporter).during(&steps, &mut || opened = Some(Folder::open(&options.out)));
+    recovered(opened.expect("the work was done")?, options, reporter)
 }
 
 /// Completes the work of an interrupted run in an open folder, unless the run will overwrite the dataset.
