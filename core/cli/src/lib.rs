@@ -7,6 +7,7 @@ mod exit;
 mod flags;
 mod outputs;
 mod progress;
+mod shell;
 mod signals;
 mod verb;
 mod verbs;

@@ -1,6 +1,7 @@
 //! Files of `syntable new slurm` and `syntable new kubernetes`: jobs that make a dataset as shards, and merge it. And of
 //! `syntable new skypilot`: a job whose copies make a dataset in a bucket together.
 
+use crate::shell::quoted;
 use clap::Args;
 use std::path::{Component, Path, PathBuf};
 use syntable_model::error::Error;
@@ -222,15 +223,6 @@ fn filled(text: &str, values: &[(&str, String)]) -> String {
         }
     }
     filled + rest
-}
-
-/// A word of a shell script.
-fn quoted(text: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./:".contains(c);
-    match text.is_empty() || !text.chars().all(is_plain) {
-        true => format!("'{}'", text.replace('\'', r"'\''")),
-        false => text.to_owned(),
-    }
 }
 
 #[cfg(test)]

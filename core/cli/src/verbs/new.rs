@@ -5,6 +5,7 @@ use super::list::products;
 use super::template::{CrateTemplate, TEMPLATES, crates};
 use crate::console::Console;
 use crate::exit::Exit;
+use crate::shell::quoted;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 use std::fs;
@@ -165,21 +166,21 @@ pub(crate) fn new(console: &Console, registry: &Registry, args: &NewArgs, progra
             };
             create(file, &text)?;
             let schema = write_schema(registry, file.parent().unwrap_or(Path::new("")))?;
-            let (file, schema) = (file.display(), schema.display());
-            console.print(&format!("wrote {file}\nwrote {schema}\nnext: syntable run {file} --out data\nhow long it takes: syntable plan {file} --time\n"))
+            let (file, schema, word) = (file.display(), schema.display(), word(file));
+            console.print(&format!("wrote {file}\nwrote {schema}\nnext: syntable run {word} --out data\nhow long it takes: syntable plan {word} --time\n"))
         }
         What::Plugin { name, slot, path, syntable } => {
             let folder = path.clone().unwrap_or_else(|| PathBuf::from(name));
             plugin((registry, program), slot, name, &folder, syntable.as_deref())?;
-            let (folder, show) = (folder.display(), slot.renamed(slot.show, name));
-            console.print(&format!("wrote {folder}\nnext: cd {folder} && cargo run --release -- {show}\n"))
+            let (word, folder, show) = (word(&folder), folder.display(), slot.renamed(slot.show, name));
+            console.print(&format!("wrote {folder}\nnext: cd {word} && cargo run --release -- {show}\n"))
         }
         What::Slurm { file, job } => {
             let text = job.slurm(file).map_err(Exit::wrong)?;
             create(file, &text)?;
-            let file = file.display();
+            let (file, word) = (file.display(), word(file));
             console.print(&format!(
-                "wrote {file}\nnext: set the memory, the time and the partition in it, then: bash {file}\n"
+                "wrote {file}\nnext: set the memory, the time and the partition in it, then: bash {word}\n"
             ))
         }
         What::Skypilot { file, job } => {
@@ -204,6 +205,11 @@ pub(crate) fn new(console: &Console, registry: &Registry, args: &NewArgs, progra
             ))
         }
     }
+}
+
+/// A path in a command that the program suggests.
+fn word(path: &Path) -> String {
+    quoted(&path.display().to_string())
 }
 
 /// The built-in recipe that `--extends` names. A file is refused.

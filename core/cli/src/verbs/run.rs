@@ -3,6 +3,7 @@
 use crate::arguments::RecipeArgs;
 use crate::console::Console;
 use crate::exit::Exit;
+use crate::shell::quoted;
 use crate::signals::{Ends, ended, on_signals};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -98,7 +99,7 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs, progra
     let out = options.out.name();
     end_of(console, &outcome, &out)?;
     if shard.is_some() {
-        let (all, dataset) = (Shard::folder_of_all(&dataset).display().to_string(), dataset.display());
+        let [all, dataset] = [Shard::folder_of_all(&dataset), dataset].map(|path| quoted(&path.display().to_string()));
         console.suggest(&[
             (format!("status {all}"), "how far all shards are"),
             (format!("merge {dataset} {all}"), "one dataset, once all shards are done"),
@@ -109,7 +110,8 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs, progra
         return Ok(());
     }
     let linked = NEXT.iter().filter(|(verb, _)| program.find_subcommand(verb).is_some());
-    let steps = linked.map(|(verb, what)| (format!("{verb} {}", out.display()), *what));
+    let out = quoted(&out.display().to_string());
+    let steps = linked.map(|(verb, what)| (format!("{verb} {out}"), *what));
     console.suggest(&steps.collect::<Vec<_>>());
     Ok(())
 }
