@@ -39,7 +39,13 @@ pub(crate) fn status(console: &Console, args: &StatusArgs) -> Result<(), Exit> {
         console.print(&rows.iter().map(line).collect::<String>())?;
     }
     let mut messages = Vec::new();
-    for DatasetStatus { dataset, faults, .. } in &found.datasets {
+    for DatasetStatus { dataset, faults, running, finished, progress, .. } in &found.datasets {
+        if !running && !finished && progress.scenes > 0 && progress.missing == 0 {
+            let help = "start the same run again; a suspended worker must continue or be killed";
+            messages.push(Message::Error(
+                Error::new("all scenes are made, but the run has not ended").in_file(dataset).help(help),
+            ));
+        }
         messages.extend(faults.iter().map(|fault| {
             let help = "a run with --repair makes the scene of a damaged line again";
             Message::Error(Error::new(format!("the journal is damaged: {fault}")).in_file(dataset).help(help))
