@@ -37,6 +37,13 @@ struct MergePart {
     recipe: String,
 }
 
+impl MergePart {
+    /// Its folder, for messages.
+    fn name(&self) -> String {
+        self.folder.name().display().to_string()
+    }
+}
+
 /// Merges the scenes of several parts into a dataset, which is new or was begun by an earlier call. A part is a dataset, or
 /// a folder of datasets such as the shards of a job. The result equals the dataset of one run, byte for byte. The parts
 /// stay unchanged: their files are hard links where the file system allows it, else copies. After an error, the same call
@@ -89,6 +96,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     let resolved = with_devices(&first.recipe, &devices);
     // Parts that contradict each other leave the dataset as it was.
     let chosen = choose(&begun, &parts)?;
+    distinct_shards(&parts)?;
     if !partial {
         let has = |scene: u32| begun.entries.contains(scene);
         all_shards(&parts, recipe.dataset.scenes, &has)?;
@@ -238,19 +246,12 @@ pub fn datasets_in(named: &StoreFolder) -> Result<Vec<StoreFolder>> {
     Ok(if found.is_empty() { vec![named.clone()] } else { found })
 }
 
-/// Refuses shards of different divisions, shards that come twice, and missing shards with scenes that the dataset lacks.
-fn all_shards(parts: &[MergePart], scenes: u32, has: &dyn Fn(u32) -> bool) -> Result<()> {
-    let mut found: BTreeMap<u32, &MergePart> = BTreeMap::new();
-    let shards = || parts.iter().filter_map(|part| Some((part.shard?, part)));
-    let Some((one, first)) = shards().next() else { return Ok(()) };
-    let name = |part: &MergePart| part.folder.name().display().to_string();
-    for (shard, part) in shards() {
-        if shard.count != one.count {
-            let message = format!("{} is shard {one}, and {} is shard {shard}", name(first), name(part));
-            return Err(Error::new(message).help("merge shards of one division"));
-        }
-        if let Some(other) = found.insert(shard.index, part) {
-            let (one, two) = (name(other), name(part));
+/// Refuses shards that come twice.
+fn distinct_shards(parts: &[MergePart]) -> Result<()> {
+    let mut found: BTreeMap<Shard, &MergePart> = BTreeMap::new();
+    for (shard, part) in parts.iter().filter_map(|part| Some((part.shard?, part))) {
+        if let Some(other) = found.insert(shard, part) {
+            let (one, two) = (other.name(), part.name());
             let message = match is_same_folder(other.folder.files(), part.folder.files()) {
                 true if one == two => format!("the part {one} is given twice"),
                 true => format!("the parts {one} and {two} are the same folder"),
@@ -259,9 +260,21 @@ fn all_shards(parts: &[MergePart], scenes: u32, has: &dyn Fn(u32) -> bool) -> Re
             return Err(Error::new(message).help("name each shard once"));
         }
     }
+    Ok(())
+}
+
+/// Refuses shards of different divisions, and missing shards with scenes that the dataset lacks.
+fn all_shards(parts: &[MergePart], scenes: u32, has: &dyn Fn(u32) -> bool) -> Result<()> {
+    let shards = || parts.iter().filter_map(|part| Some((part.shard?, part)));
+    let Some((one, first)) = shards().next() else { return Ok(()) };
+    if let Some((shard, part)) = shards().find(|(shard, _)| shard.count != one.count) {
+        let message = format!("{} is shard {one}, and {} is shard {shard}", first.name(), part.name());
+        return Err(Error::new(message).help("merge shards of one division"));
+    }
+    let found: BTreeSet<u32> = shards().map(|(shard, _)| shard.index).collect();
     let lacks = |index: &u32| {
         let shard = Shard { index: *index, count: one.count };
-        !found.contains_key(index) && shard.scenes(scenes).any(|scene| !has(scene))
+        !found.contains(index) && shard.scenes(scenes).any(|scene| !has(scene))
     };
     let missing: Vec<u32> = (0..one.count.min(scenes)).filter(lacks).collect();
     if missing.is_empty() {

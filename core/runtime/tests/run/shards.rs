@@ -80,6 +80,8 @@ fn missing_doubled_and_other_shards_are_refused() {
     }
     // The existing shards are merged on request, and the last one follows without it.
     let partial = MergeOptions { partial: true, ..MergeOptions::new(1) };
+    let doubled = merge(&registry(), at("merged"), &[two.clone(), copy], &partial, &Quiet).expect_err("doubled");
+    assert!(doubled.to_string().contains("are both shard 1/3"), "{doubled}");
     let outcome = merge(&registry(), at("merged"), &[one.clone(), three], &partial, &Quiet).expect("merged");
     assert_eq!((outcome.scenes, outcome.missing), (3, 2));
     assert_eq!(merged(&at("merged"), std::slice::from_ref(&two)).map(|outcome| outcome.missing), Ok(0));
