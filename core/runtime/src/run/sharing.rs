@@ -36,7 +36,7 @@ const PAUSE: (u32, Duration) = (8, Duration::from_millis(250));
 /// The same between later attempts.
 const LONG_PAUSE: (u32, Duration) = (4, Duration::from_secs(5));
 /// Time after which a worker says that it waits.
-const PATIENCE: Duration = Duration::from_secs(10);
+const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Makes scenes of a dataset beside other workers, until all are made and the run has ended.
 pub fn run(recipe: &Recipe, options: &RunOptions, claim: ClaimOptions, reporter: &dyn Reporter) -> Result<RunOutcome> {
@@ -223,18 +223,20 @@ struct Wait<'w> {
     stop: &'w Stop,
     pause: Duration,
     longest: Duration,
-    waited: Duration,
+    begin: Option<Instant>,
+    is_said: bool,
 }
 
 impl<'w> Wait<'w> {
     fn new(reporter: &'w dyn Reporter, stop: &'w Stop, lease: Duration) -> Self {
         let [pause, longest] = [PAUSE, LONG_PAUSE].map(|(part, most)| (lease / part).min(most));
-        Self { reporter, stop, pause, longest, waited: Duration::ZERO }
+        Self { reporter, stop, pause, longest, begin: None, is_said: false }
     }
 
     /// Waits for a moment, each time a little longer. Says once why.
     fn pause(&mut self, why: &str) -> Result<()> {
-        let end = Instant::now() + self.pause;
+        let now = Instant::now();
+        let (begin, end) = (*self.begin.get_or_insert(now), now + self.pause);
         while Instant::now() < end {
             if let Some(reason) = self.stop.requested() {
                 return Err(Error::stopped(format!("stopped by {reason} while waiting: {why}"))
@@ -242,10 +244,9 @@ impl<'w> Wait<'w> {
             }
             thread::sleep(PAUSE.1.min(end.saturating_duration_since(Instant::now())));
         }
-        let is_new = self.waited < PATIENCE;
-        self.waited += self.pause;
         self.pause = (self.pause * 3 / 2).min(self.longest);
-        if is_new && self.waited >= PATIENCE {
+        if !self.is_said && begin.elapsed() >= PATIENCE {
+            self.is_said = true;
             self.reporter.event(&Event::Note { message: format!("waiting: {why}") });
         }
         Ok(())
