@@ -97,9 +97,12 @@ impl Error {
         }
         // Rust has no stable kind for it: a cycle of links.
         let kind = if error.raw_os_error() == Some(ELOOP) { ErrorKind::InvalidInput } else { error.kind() };
-        let text = error.to_string().to_lowercase();
-        // The number of the operating system tells users nothing.
-        let text = text.split(" (os error ").next().unwrap_or(&text);
+        let text = error.to_string();
+        let text = match error.raw_os_error() {
+            // The number of the operating system tells users nothing.
+            Some(_) => text.to_lowercase().split(" (os error ").next().unwrap_or_default().to_owned(),
+            None => text,
+        };
         Self { cause: Cause::Io(kind), ..Self::new(text).in_file(file) }
     }
 

@@ -123,10 +123,15 @@ fn options(endpoints: &[&str]) -> ClientOptions {
     ClientOptions::new().with_timeout(REQUEST).with_connect_timeout(CONNECT).with_allow_http(is_plain)
 }
 
-fn invalid(error: &object_store::Error) -> Error {
+/// The error of variables that a client refuses.
+fn invalid(url: &str, error: &object_store::Error, variables: &str) -> Error {
     let text = error.to_string();
-    Error::new(text.split("source:").next().unwrap_or_default().to_lowercase())
-        .help("check the variables of the store, as the chapter on object stores shows")
+    // The library names the store first, which the URL names.
+    let text = text.split_once("error: ").map_or(&*text, |(_, text)| text);
+    Error::new(text.split("source:").next().unwrap_or_default().trim_end())
+        .in_file(url)
+        .help(format!("check {variables}; the chapter on object stores has all variables"))
+        .of_request()
 }
 
 /// The error of a store without credentials.
@@ -187,7 +192,9 @@ fn s3(bucket: &str) -> Result<Arc<dyn ObjectStore>> {
         }
     }
     let built = builder.with_client_options(options).with_retry(RetryConfig::default()).build();
-    built.map(|store| Arc::new(store) as _).map_err(|error| invalid(&error))
+    built
+        .map(|store| Arc::new(store) as _)
+        .map_err(|error| invalid(&format!("s3://{bucket}"), &error, "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"))
 }
 
 fn gs(bucket: &str) -> Result<Arc<dyn ObjectStore>> {
@@ -205,7 +212,9 @@ fn gs(bucket: &str) -> Result<Arc<dyn ObjectStore>> {
     }
     let builder = GoogleCloudStorageBuilder::from_env().with_bucket_name(bucket);
     let built = builder.with_client_options(options(&["GOOGLE_BASE_URL"])).with_retry(RetryConfig::default()).build();
-    built.map(|store| Arc::new(store) as _).map_err(|error| invalid(&error))
+    built
+        .map(|store| Arc::new(store) as _)
+        .map_err(|error| invalid(&format!("gs://{bucket}"), &error, "GOOGLE_APPLICATION_CREDENTIALS"))
 }
 
 fn az(container: &str) -> Result<Arc<dyn ObjectStore>> {
@@ -222,7 +231,9 @@ fn az(container: &str) -> Result<Arc<dyn ObjectStore>> {
         options = options.with_allow_http(true);
     }
     let built = builder.with_client_options(options).with_retry(RetryConfig::default()).build();
-    built.map(|store| Arc::new(store) as _).map_err(|error| invalid(&error))
+    built.map(|store| Arc::new(store) as _).map_err(|error| {
+        invalid(&format!("az://{container}"), &error, "AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY")
+    })
 }
 
 /// Whether this machine is one of a cloud, whose own service gives credentials. Elsewhere, a request for them would wait
