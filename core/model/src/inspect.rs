@@ -3,6 +3,7 @@
 use crate::context::Log;
 use crate::error::{Error, Result};
 use crate::panics::guarded;
+use crate::store::is_url;
 use std::path::Path;
 
 /// Knows one kind of asset file or folder. Registered with [`register_inspector!`](crate::register_inspector).
@@ -45,7 +46,11 @@ pub fn inspect(path: &Path, log: &dyn Log) -> Result<(&'static str, Inspection)>
     let all = inspectors();
     let Some(inspector) = all.iter().find(|inspector| (inspector.accepts)(path)) else {
         if !path.exists() {
-            return Err(Error::new("no such file or folder").in_file(path));
+            let missing = Error::new("no such file or folder").in_file(path);
+            return Err(match path.to_str().is_some_and(is_url) {
+                true => missing.help("pools read assets at URLs; this command reads files of this machine"),
+                false => missing,
+            });
         }
         let known: Vec<&str> = all.iter().map(|inspector| inspector.name).collect();
         return Err(Error::new("no known kind of asset")

@@ -13,7 +13,13 @@ const LARGEST: u64 = crate::limits::SMALL_FILE_BYTES.most;
 pub fn read_small(path: &Path) -> Result<Vec<u8>> {
     let refuse = |message: &str| Err(Error::new(ErrorKind::InvalidInput, message));
     // Checked before opening, because opening a FIFO waits for a writer.
-    let kind = std::fs::metadata(path)?;
+    let kind = std::fs::metadata(path).map_err(|error| match path.to_string_lossy().contains("://") {
+        true if error.kind() == ErrorKind::NotFound => {
+            let message = "this file must be on this machine, and the name is a URL: copy the file here first";
+            Error::new(ErrorKind::InvalidInput, message)
+        }
+        _ => error,
+    })?;
     if kind.is_dir() {
         return refuse("it is a folder");
     }

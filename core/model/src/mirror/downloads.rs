@@ -9,7 +9,7 @@ use crate::unique::unique;
 use crate::user_cache::user_cache;
 use parking_lot::Mutex;
 use std::fs::{self, File, FileTimes};
-use std::io;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -78,8 +78,12 @@ impl Downloads {
 
     /// The error of a file of the cache.
     pub fn fail(&self, path: &Path, error: &io::Error) -> Error {
+        let better = match error.kind() {
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "with more room",
+            _ => "that this user can write",
+        };
         Error::io(path, error)
-            .help("the folder keeps files of datasets at URLs: set SYNTABLE_CACHE to a folder with more room")
+            .help(format!("the folder keeps files of datasets at URLs: set SYNTABLE_CACHE to a folder {better}"))
     }
 
     /// A new folder for the names of a mirror, and its lock.
