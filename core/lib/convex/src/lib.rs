@@ -11,6 +11,7 @@
 //! - [`PolyhedronContacts`]: contact manifolds by clipping whole faces against each other, as a query dispatcher in
 //!   front of parry's own. Parry uses four vertices of each face, so a can rests on a sliver of its round bottom, tilts
 //!   and never falls asleep.
+//! - [`Polyhedron`] and [`Wall`]: shapes whose bounding boxes cost the engine little.
 //!
 //! **Accuracy.** A hull vertex is an input point rounded to the grid. No input point is outside the plane of a face by
 //! more than [`HullOptions::tolerance`], unless [`HullOptions::max_vertices`] was reached. Penetration depth is exact
@@ -26,10 +27,12 @@ mod depth;
 mod hull;
 mod manifold;
 mod polytope;
+mod shapes;
 
 pub use depth::{MinimumTranslation, minimum_translation, penetration_depth, separation_along};
 pub use hull::{ConvexHull, HullOptions};
 pub use manifold::{ContactPoint, Contacts, PolyhedronContacts, polyhedron_contacts};
+pub use shapes::{Polyhedron, Wall};
 
 /// Version of the hull algorithm: part of the key of cached hulls.
 ///

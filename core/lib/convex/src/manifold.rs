@@ -7,6 +7,7 @@
 //! and the normal of [`minimum_translation`] replaces it where it is wrong.
 
 use crate::depth::{minimum_translation, separation_along};
+use crate::shapes::{Polyhedron, Wall};
 use parry3d::math::{Pose, Vector};
 use parry3d::query::details::{ShapeCastOptions, contact_support_map_support_map_with_params};
 use parry3d::query::gjk::{GJKResult, VoronoiSimplex};
@@ -54,18 +55,17 @@ impl<M: Default + Clone, C: Default + Copy> PersistentQueryDispatcher<M, C> for 
         _: &mut Option<ContactManifoldsWorkspace>,
     ) -> Result<(), Unsupported> {
         let hysteresis = NORMAL_HYSTERESIS_M * self.units_per_meter;
-        let (polyhedron1, polyhedron2) = (g1.as_convex_polyhedron(), g2.as_convex_polyhedron());
-        let find: &dyn Fn(Option<Vector>) -> Contacts =
-            match (polyhedron1, polyhedron2, g1.as_halfspace(), g2.as_halfspace()) {
-                (Some(one), Some(two), ..) => {
-                    &|previous| polyhedron_contacts(pos12, one, two, prediction, previous, hysteresis)
-                }
-                (_, Some(two), Some(plane), _) => &|_| half_space_contacts(pos12, plane, two, prediction),
-                (Some(one), _, _, Some(plane)) => {
-                    &|_| half_space_contacts(&pos12.inverse(), plane, one, prediction).swapped(pos12)
-                }
-                _ => return Err(Unsupported),
-            };
+        let (polyhedron1, polyhedron2) = (Polyhedron::of(g1), Polyhedron::of(g2));
+        let find: &dyn Fn(Option<Vector>) -> Contacts = match (polyhedron1, polyhedron2, Wall::of(g1), Wall::of(g2)) {
+            (Some(one), Some(two), ..) => {
+                &|previous| polyhedron_contacts(pos12, one, two, prediction, previous, hysteresis)
+            }
+            (_, Some(two), Some(plane), _) => &|_| half_space_contacts(pos12, plane, two, prediction),
+            (Some(one), _, _, Some(plane)) => {
+                &|_| half_space_contacts(&pos12.inverse(), plane, one, prediction).swapped(pos12)
+            }
+            _ => return Err(Unsupported),
+        };
         if manifolds.is_empty() {
             manifolds.push(ContactManifold::new());
         }

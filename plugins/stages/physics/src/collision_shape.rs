@@ -6,6 +6,7 @@ use parry3d::math::Pose;
 use parry3d::shape::{Compound, SharedShape};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use syntable_convex::Polyhedron;
 use syntable_model::error::{Error, Result};
 
 fn without_shape() -> Error {
@@ -27,8 +28,7 @@ pub struct CollisionShape {
 impl CollisionShape {
     /// Builds the shape from hulls in meters. Fails without hulls.
     pub fn new(ConvexParts { hulls, deviation_m }: &ConvexParts) -> Result<Self> {
-        let parts: Vec<SharedShape> =
-            hulls.iter().filter_map(|hull| Some(SharedShape::new(hull.polyhedron(units::PER_METER)?))).collect();
+        let parts: Vec<SharedShape> = hulls.iter().filter_map(units::shape).collect();
         let whole = match &parts[..] {
             [] => return Err(without_shape()),
             [one] => one.clone(),
@@ -40,7 +40,7 @@ impl CollisionShape {
     /// The shape at a smaller size: the hulls of the scaled parts, as thick as all hulls. Fails if a part has no hull.
     pub fn scaled(&self, factor: f32) -> Result<Self> {
         let scaled = |part: &SharedShape| {
-            let points = part.as_convex_polyhedron()?.points();
+            let points = Polyhedron::of(&**part)?.points();
             let points: Vec<[f32; 3]> =
                 points.iter().map(|point| (*point * (factor / units::PER_METER)).to_array()).collect();
             units::hull(&points)

@@ -20,11 +20,12 @@ use parry3d::bounding_volume::BoundingVolume;
 use parry3d::mass_properties::MassProperties;
 use parry3d::math::{Pose as EnginePose, Vector};
 use parry3d::query::{DefaultQueryDispatcher, QueryDispatcher};
+use parry3d::shape::SharedShape;
 use rapier3d::dynamics::{RigidBodyBuilder, RigidBodyHandle};
 use rapier3d::geometry::{ColliderBuilder, NarrowPhase};
 use rapier3d::pipeline::PhysicsWorld;
 use std::sync::Arc;
-use syntable_convex::{PolyhedronContacts, penetration_depth};
+use syntable_convex::{PolyhedronContacts, Wall, penetration_depth};
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Aabb, Point3, Pose};
@@ -42,6 +43,11 @@ const ROLLING_M_S: f64 = 0.5;
 
 /// Seconds of stillness after which a body sleeps.
 const SLEEP_AFTER_S: f32 = 0.5;
+
+/// Maximum distance ahead of a body at which contacts are predicted, for a time step, engine units.
+fn speculative(step_s: f64) -> f32 {
+    units::length(SPECULATIVE_M.max(FALLING_M_S * step_s))
+}
 
 /// Steps between two checks for bodies that have fallen off.
 const FALL_CHECK_STEPS: usize = 8;
@@ -100,7 +106,11 @@ impl Engine {
         parameters.max_ccd_substeps = 0;
         for body in &static_bodies {
             for (local, part) in body.parts() {
-                let collider = ColliderBuilder::new(part.clone())
+                let part = match part.as_halfspace() {
+                    Some(half_space) => SharedShape::new(Wall::new(*half_space, 2.0 * speculative(config.time_step_s))),
+                    None => part,
+                };
+                let collider = ColliderBuilder::new(part)
                     .position(body.pose * local)
                     .friction(body.friction)
                     .restitution(config.restitution as f32);
@@ -157,7 +167,7 @@ impl Engine {
             .pose(units::pose(world_from_body))
             .additional_mass_properties(*mass)
             .angular_damping(self.angular_damping)
-            .soft_ccd_prediction(units::length(SPECULATIVE_M.max(FALLING_M_S * self.step_s)))
+            .soft_ccd_prediction(speculative(self.step_s))
             .build();
         body.activation_mut().time_until_sleep = SLEEP_AFTER_S;
         let rigid = self.world.insert_body(body);

@@ -280,7 +280,7 @@ mod tests {
         assert_eq!(decompositions, 3);
         let volume = |shape: &CollisionShape| {
             let hull = |part: &parry3d::shape::SharedShape| {
-                let points = part.as_convex_polyhedron().expect("convex").points();
+                let points = syntable_convex::Polyhedron::of(&**part).expect("convex").points();
                 let points: Vec<[f32; 3]> = points.iter().map(|point| (*point / units::PER_METER).to_array()).collect();
                 f64::from(units::hull(&points).expect("a hull").volume())
             };

@@ -14,7 +14,7 @@ use crate::units::friction;
 use parry3d::math::{Pose as EnginePose, Rotation, Vector};
 use parry3d::query::{Ray, RayCast};
 use parry3d::shape::{Compound, HalfSpace, SharedShape, TriMesh, TriMeshFlags};
-use syntable_convex::ConvexHull;
+use syntable_convex::{ConvexHull, Polyhedron};
 use syntable_model::geometry::{Aabb, Point3, Vector3};
 use syntable_model::scene::{Body, Motion, Region, Role, Support, Supports};
 
@@ -125,8 +125,8 @@ pub fn room_part<Id>(body: &Body<Id>, inside: &[Point3<f64>]) -> Option<StaticBo
         let half = Vector3::from_fn(|i, _| size[i].max(MIN_WALL_M) / 2.0);
         let corners = Aabb { min: center - half, max: center + half }.corners();
         let points: Vec<[f32; 3]> = corners.iter().map(|p| <[f64; 3]>::from(*p).map(|x| x as f32)).collect();
-        let wall = units::hull(&points)?.polyhedron(units::PER_METER)?;
-        return Some(StaticBody { pose: units::pose(&pose), whole: SharedShape::new(wall), friction });
+        let wall = units::shape(&units::hull(&points)?)?;
+        return Some(StaticBody { pose: units::pose(&pose), whole: wall, friction });
     }
     // Any other shape, such as a whole room in one mesh: its triangles.
     let data = body.object.mesh.data();
@@ -152,8 +152,8 @@ pub fn support<Id>(
     let mut bodies = Vec::new();
     for slab in slabs {
         parts = parts.into_iter().filter_map(|part| below_slab(part, &pose, &slab)).collect();
-        if let Some(shape) = slab.hull.polyhedron(units::PER_METER) {
-            bodies.push(StaticBody { pose: EnginePose::IDENTITY, whole: SharedShape::new(shape), friction });
+        if let Some(whole) = units::shape(&slab.hull) {
+            bodies.push(StaticBody { pose: EnginePose::IDENTITY, whole, friction });
         }
     }
     if !parts.is_empty() {
@@ -224,7 +224,7 @@ fn slab<Id>(body: &Body<Id>, support: &Support, supports: &Supports) -> Option<S
 /// A part of a support, extended downwards so that no body is pressed through it; `None` if the part is thick, or if
 /// more of a support is below it, which may form a recess.
 fn backed(part: &SharedShape, pose: &EnginePose, surface: &SupportSurface) -> Option<SharedShape> {
-    let hull = part.as_convex_polyhedron()?;
+    let hull = Polyhedron::of(&**part)?;
     let world: Vec<Vector> = hull.points().iter().map(|p| *pose * *p).collect();
     let low = world.iter().map(|p| p.z).fold(f32::INFINITY, f32::min);
     let high = world.iter().map(|p| p.z).fold(f32::NEG_INFINITY, f32::max);
@@ -246,13 +246,13 @@ fn backed(part: &SharedShape, pose: &EnginePose, surface: &SupportSurface) -> Op
         .flat_map(|p| [*p, *p - down])
         .map(|p| (pose.inverse() * p / units::PER_METER).to_array())
         .collect();
-    Some(SharedShape::new(units::hull(&points)?.polyhedron(units::PER_METER)?))
+    units::shape(&units::hull(&points)?)
 }
 
 /// The remainder of a support's part below the slab; `None` if the slab covers all of it.
 fn below_slab(part: SharedShape, pose: &EnginePose, slab: &Slab) -> Option<SharedShape> {
     let Slab { hull: slab, thickness_m } = slab;
-    let hull = part.as_convex_polyhedron()?;
+    let hull = Polyhedron::of(&*part)?;
     let top = slab.points.iter().map(|p| p[2]).fold(f32::NEG_INFINITY, f32::max);
     // Points are projected to the slab's mid-height, so that only the outline of the slab matters.
     let projected = |p: [f32; 3]| [p[0], p[1], top - thickness_m / 2.0];
@@ -268,7 +268,7 @@ fn below_slab(part: SharedShape, pose: &EnginePose, slab: &Slab) -> Option<Share
             .map(|p| Vector::new(p[0], p[1], p[2].min(top - thickness_m / 2.0)) * units::PER_METER)
             .map(|p| (pose.inverse() * p / units::PER_METER).to_array())
             .collect();
-        return Some(SharedShape::new(units::hull(&points)?.polyhedron(units::PER_METER)?));
+        return units::shape(&units::hull(&points)?);
     }
     Some(part)
 }

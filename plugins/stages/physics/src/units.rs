@@ -6,7 +6,8 @@
 use parry3d::bounding_volume::Aabb;
 use parry3d::mass_properties::MassProperties as EngineMass;
 use parry3d::math::{Matrix, Pose as EnginePose, Rotation, Vector};
-use syntable_convex::{ConvexHull, HullOptions};
+use parry3d::shape::SharedShape;
+use syntable_convex::{ConvexHull, HullOptions, Polyhedron};
 use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion};
 use syntable_model::scene::MassProperties;
 
@@ -19,6 +20,11 @@ pub const HULL_OPTIONS: HullOptions = HullOptions { engine_scale: PER_METER, ..H
 /// The convex hull of points, meters; `None` if no point is finite.
 pub fn hull(points: &[[f32; 3]]) -> Option<ConvexHull> {
     ConvexHull::new(points, &HULL_OPTIONS)
+}
+
+/// The shape of a hull in meters; `None` if it has no volume.
+pub fn shape(hull: &ConvexHull) -> Option<SharedShape> {
+    Some(SharedShape::new(Polyhedron::new(hull.polyhedron(PER_METER)?)))
 }
 
 /// Converts a length in meters, or a speed in m/s, to engine units.

@@ -5,7 +5,7 @@ use super::support::SupportRelation;
 use crate::units;
 use parry3d::math::Vector;
 use serde::Serialize;
-use syntable_convex::ConvexHull;
+use syntable_convex::{ConvexHull, Polyhedron};
 use syntable_model::geometry::Point3;
 use syntable_model::scene::{Role, Scene};
 
@@ -63,7 +63,7 @@ impl Hull {
     fn fraction_of(&self, solid: &Solid) -> f64 {
         let (mut within, mut all) = (0.0, 0.0);
         for part in &solid.parts {
-            let Some(polyhedron) = part.shape.as_convex_polyhedron() else { continue };
+            let Some(polyhedron) = Polyhedron::of(&*part.shape) else { continue };
             let (points, triangles) = polyhedron.to_trimesh();
             let points: Vec<Vector> = points.iter().map(|p| part.pose * *p).collect();
             let middle = points.iter().sum::<Vector>() / points.len() as f32;
