@@ -167,13 +167,15 @@ impl PngImage {
     /// Like [`encode`](Self::encode), with texts before the pixels, each with its keyword (PNG specification, section
     /// 11.3.3).
     pub fn encode_with(&self, texts: &[(&str, &str)]) -> Result<Vec<u8>> {
-        let swapped;
+        let mut swapped;
         let (color, depth, bytes): (_, _, &[u8]) = match &self.samples {
             PngSamples::Gray8(bytes) => (ColorType::Grayscale, BitDepth::Eight, bytes),
             PngSamples::Rgb8(bytes) => (ColorType::Rgb, BitDepth::Eight, bytes),
             PngSamples::Rgba8(bytes) => (ColorType::Rgba, BitDepth::Eight, bytes),
             PngSamples::Gray16(samples) => {
-                swapped = samples.iter().flat_map(|sample| sample.to_be_bytes()).collect::<Vec<_>>();
+                swapped = vec![0; 2 * samples.len()];
+                let pairs = swapped.as_chunks_mut().0;
+                pairs.iter_mut().zip(samples).for_each(|(pair, sample)| *pair = sample.to_be_bytes());
                 (ColorType::Grayscale, BitDepth::Sixteen, &swapped)
             }
         };
@@ -228,7 +230,8 @@ pub fn depth_units(depth_m: f32, unit_mm: f64, rounding: Rounding) -> u16 {
 /// The pixels of a depth image whose depth 16 bits cannot hold. `remedy` tells how to store them.
 fn depth_beyond(depths_m: impl Iterator<Item = f32>, unit_mm: f64, remedy: &'static str) -> LeftOut {
     let most = f64::from(u16::MAX);
-    let beyond = |m: f32| (f64::from(m) * (1000.0 / unit_mm)).round() > most;
+    // It would round to more than the maximum.
+    let beyond = |m: f32| f64::from(m) * (1000.0 / unit_mm) >= most + 0.5;
     let (mut count, mut of) = (0, 0);
     for m in depths_m.filter(|m| m.is_finite()) {
         (count, of) = (count + usize::from(beyond(m)), of + 1);
