@@ -69,7 +69,7 @@ impl WhiteBalance {
         let (mode, kelvin) = match self {
             Self::None => return None,
             Self::Auto => ("auto", estimated(incident(radiance, albedo.unwrap_or_default()))),
-            Self::GrayWorld => ("gray_world", estimated(radiance.iter().map(|&pixel| (pixel, pixel)))),
+            Self::GrayWorld => ("gray_world", estimated(radiance.iter().map(|&pixel| (pixel, [1.0; 3])))),
             Self::Kelvin(kelvin) => ("kelvin", Some(kelvin.draw(&mut stream.child("kelvin")))),
         };
         // An image without light has no estimate.
@@ -83,20 +83,19 @@ impl WhiteBalance {
     }
 }
 
-/// Radiance of the pixels that show a surface with an albedo, and the color of the light that falls on it. Other pixels are
-/// black.
+/// Radiance of the pixels that show a surface with an albedo, and the albedo. Other pixels are black.
 fn incident<'a>(
     radiance: &'a [[f32; 3]],
     albedo: &'a [[f32; 3]],
 ) -> impl Iterator<Item = ([f32; 3], [f32; 3])> + Clone + 'a {
     radiance.iter().zip(albedo).map(|(pixel, albedo)| {
         let reflects = albedo.iter().all(|&a| a >= MIN_ALBEDO);
-        (if reflects { *pixel } else { [0.0; 3] }, std::array::from_fn(|c| pixel[c] / albedo[c]))
+        (if reflects { *pixel } else { [0.0; 3] }, *albedo)
     })
 }
 
-/// The temperature of the light, kelvin, estimated from the radiance of each pixel and the color of its light; `None`
-/// if no pixel is lit.
+/// The temperature of the light, kelvin, estimated from the radiance and the albedo of each pixel; `None` if no pixel is
+/// lit.
 fn estimated(pixels: impl Iterator<Item = ([f32; 3], [f32; 3])> + Clone) -> Option<f64> {
     let black_unless_lit = |(pixel, _): ([f32; 3], _)| {
         let is_lit = pixel.iter().all(|v| *v > 0.0 && *v < f32::INFINITY);
@@ -110,8 +109,9 @@ fn estimated(pixels: impl Iterator<Item = ([f32; 3], [f32; 3])> + Clone) -> Opti
     let is_inner = |y: f32| low <= y && y <= high;
     let inner = lit.iter().filter(|y| is_inner(**y)).count();
     let median = |channel: usize| {
-        let ratio = |(y, (_, light)): (&f32, (_, [f32; 3]))| {
-            let ratio = light[channel] / light[1];
+        let ratio = |(y, (pixel, albedo)): (&f32, ([f32; 3], [f32; 3]))| {
+            // Of the light that falls on the surface.
+            let ratio = (pixel[channel] * albedo[1]) / (albedo[channel] * pixel[1]);
             // The last in the order.
             if is_inner(*y) { ratio } else { f32::NAN }
         };
