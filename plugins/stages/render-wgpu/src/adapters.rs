@@ -107,6 +107,14 @@ impl AdapterInfo {
         }
     }
 
+    /// Sessions that share the adapter: some load scenes, record views and read images back while another renders.
+    pub fn sessions(&self) -> usize {
+        match self.class {
+            wgpu::DeviceType::DiscreteGpu | wgpu::DeviceType::VirtualGpu => 4,
+            _ => 2,
+        }
+    }
+
     /// Order of preference: discrete cards, then virtual and integrated ones, software renderers last.
     fn rank(&self) -> u8 {
         match self.class {

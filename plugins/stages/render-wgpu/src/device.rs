@@ -319,6 +319,12 @@ impl Device {
         self.info.most_paths()
     }
 
+    /// Bytes that the paths of a session leave free: for the other sessions, for other buffers of frames and for later scenes.
+    pub fn reserve(&self) -> u64 {
+        const OF_A_SESSION: u64 = 256 << 20;
+        (OF_A_SESSION * (self.info.sessions() as u64 - 1)).min(self.max_buffer())
+    }
+
     /// Whether the device failed: its driver gave it up, it ran out of memory, or it did not finish in time. No session
     /// can use it then.
     pub fn has_failed(&self) -> bool {

@@ -1,6 +1,6 @@
 //! `gpu_path`: the path tracer of a graphics card as a stage.
 
-use crate::adapters::Adapters;
+use crate::adapters::{AdapterInfo, Adapters};
 use crate::device::Device;
 use crate::guided::guided_of;
 use crate::session::{Caches, GpuSession};
@@ -27,9 +27,6 @@ impl Config for GpuPath {
         Ok(Box::new(GpuPathRenderer::new(self.0)))
     }
 }
-
-/// Sessions that share an adapter: one loads scenes and reads images back while the other renders.
-const SESSIONS_PER_ADAPTER: usize = 2;
 
 /// The renderer of [`GpuPath`].
 pub struct GpuPathRenderer {
@@ -88,7 +85,8 @@ impl Renderer for GpuPathRenderer {
     }
 
     fn max_sessions(&self) -> Option<usize> {
-        Some(self.number_of_adapters() * SESSIONS_PER_ADAPTER)
+        let sessions = |used: Vec<AdapterInfo>| used.iter().map(AdapterInfo::sessions).sum();
+        Some(self.adapters().used().map_or(1, sessions))
     }
 
     fn devices(&self) -> Result<Vec<RenderDevice>> {

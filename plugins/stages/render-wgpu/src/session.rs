@@ -27,9 +27,6 @@ const CAPACITY: u64 = 256 << 20;
 /// Minimum paths that a pass has room for, however little memory is left.
 const LEAST_PATHS: u64 = 1 << 18;
 
-/// Bytes that paths leave free, for other buffers of frames and for later scenes.
-const RESERVE: u64 = 256 << 20;
-
 /// Planes of a path's state in `path.wgsl`, without guides and with them.
 const STATE_PLANES: [u64; 2] = [10, 17];
 
@@ -262,7 +259,7 @@ impl GpuSession {
         // Free the old buffer first.
         self.buffers.paths = self.device.storage("paths", 0)?;
         while bytes > least {
-            let reserve = self.device.storage_if_there_is_room("reserve", RESERVE.min(self.device.max_buffer()))?;
+            let reserve = self.device.storage_if_there_is_room("reserve", self.device.reserve())?;
             let paths = self.device.storage_if_there_is_room("paths", bytes)?;
             if let (Some(_), Some(paths)) = (reserve, paths) {
                 self.buffers.paths = paths;
@@ -454,7 +451,7 @@ mod tests {
         }
         // Free memory for the buffers of a scene, and for a part of its paths.
         let mut free = 0;
-        while free < RESERVE + roomy / 4 {
+        while free < device.reserve() + roomy / 4 {
             free += taken.pop().expect("more than that was taken").size();
         }
         let (part, narrow) = render();

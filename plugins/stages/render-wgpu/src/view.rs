@@ -241,8 +241,8 @@ fn texture_asset(texture: &Arc<MipTexture>) -> Asset<'static> {
         digest: texture.digest(),
         count: texture.levels().iter().map(|level| texels(level) as u64).sum(),
         bytes: Box::new(move || {
-            let bytes = |level: &MipLevel| texture.texels(*level)[..texels(level)].as_flattened().to_vec();
-            texture.levels().iter().flat_map(bytes).collect()
+            let bytes = |level: &MipLevel| texture.texels(*level)[..texels(level)].as_flattened();
+            texture.levels().iter().map(bytes).collect::<Vec<_>>().concat()
         }),
     }
 }
