@@ -108,17 +108,16 @@ fn estimated(pixels: impl Iterator<Item = ([f32; 3], [f32; 3])> + Clone) -> Opti
     let (low, high) = (quantile(TAIL), quantile(1.0 - TAIL));
     let is_inner = |y: f32| low <= y && y <= high;
     let inner = lit.iter().filter(|y| is_inner(**y)).count();
-    let median = |channel: usize| {
-        let ratio = |(y, (pixel, albedo)): (&f32, ([f32; 3], [f32; 3]))| {
-            // Of the light that falls on the surface.
-            let ratio = (pixel[channel] * albedo[1]) / (albedo[channel] * pixel[1]);
-            // The last in the order.
-            if is_inner(*y) { ratio } else { f32::NAN }
-        };
-        let ratios: Vec<f32> = lit.iter().zip(pixels.clone()).map(ratio).collect();
-        f64::from(Ranks::new(&ratios).at(inner / 2))
+    // Red over green and blue over green of the light that falls on the surface.
+    let ratios = |(y, ([r, g, b], albedo)): (&f32, ([f32; 3], [f32; 3]))| {
+        let green = albedo[1] / g;
+        let (red, blue) = (r / albedo[0] * green, b / albedo[2] * green);
+        // The last in the order.
+        if is_inner(*y) { (red, blue) } else { (f32::NAN, f32::NAN) }
     };
-    let (red, blue) = (libm::log(median(0)), libm::log(median(2)));
+    let (reds, blues): (Vec<f32>, Vec<f32>) = lit.iter().zip(pixels).map(ratios).unzip();
+    let log_of_median = |ratios: &[f32]| libm::log(f64::from(Ranks::new(ratios).at(inner / 2)));
+    let (red, blue) = (log_of_median(&reds), log_of_median(&blues));
     let distance = |[r, b]: [f64; 2]| (r - red).powi(2) + (b - blue).powi(2);
     let distances = MIRED.zip(black_bodies()).map(|(mired, ratios)| (distance(*ratios), mired));
     let nearest = distances.min_by(|a, b| a.0.total_cmp(&b.0))?;
