@@ -1,4 +1,4 @@
-//! Files of assets: `check --asset` on bad and odd inputs, of which each behaves as its name says, and changed files.
+//! Files of assets: `check --asset` on bad and odd inputs, which behave as their names say, and changed files.
 
 use crate::support::{SMALL, assets, fails, ok, root, syntable, text};
 use std::path::Path;

@@ -116,7 +116,7 @@ pub struct Mesh {
     loaded: Loaded,
 }
 
-/// What the file has, read when first needed.
+/// The content of the file, read when first needed.
 #[derive(Debug, Default)]
 struct Loaded(Mutex<Option<Content>>);
 

@@ -200,11 +200,11 @@ fn compare(
     reporter: &dyn Reporter,
 ) -> Result<(String, Option<Growth>)> {
     let now = Lock { files, ..Lock::default() };
-    let anew = || (with_lock(&recipe.resolved, &now), None);
+    let first_recipe = || (with_lock(&recipe.resolved, &now), None);
     let none_made = folder.is_empty(journal)?;
     let before = match folder.recipe_of_scenes()? {
         Ok(before) => before,
-        Err(_) if none_made => return Ok(anew()),
+        Err(_) if none_made => return Ok(first_recipe()),
         Err(what) => {
             let help = match options.repair {
                 false => "restore the file, or run with its recipe and `options.repair`",
@@ -219,7 +219,7 @@ fn compare(
     if none_made && !growth::differences(&before, &recipe.resolved).is_empty() {
         let message = "the recipe of the folder has made no scene, and is replaced".to_owned();
         reporter.event(&Event::Note { message });
-        return Ok(anew());
+        return Ok(first_recipe());
     }
     let growth = growth::growth(&folder.name(), &before, recipe, options.rewrite)?;
     let mut then = lock_of(&before);
