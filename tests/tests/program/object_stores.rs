@@ -268,7 +268,7 @@ fn wrong_buckets_and_credentials_fail_soon_with_a_remedy() {
         (elsewhere, 2, ["s3://lob/mine", "bucket does not exist", "check the name of the bucket"]),
         (reach(&Key { id: "AKIANOBODY", ..NEW }), 1, ["s3://lab/mine", "credentials", "have expired"]),
         (reach(&Key { secret: "wrong", ..NEW }), 1, ["s3://lab/mine", "credentials", "have expired"]),
-        (nowhere, 1, ["s3://lab/mine", "connection refused", "check the network, the endpoint"]),
+        (nowhere, 1, ["s3://lab/mine", "Connection refused", "check the network, the endpoint"]),
         (nobody, 2, ["no credentials for S3", "aws configure", "set AWS_ACCESS_KEY_ID"]),
     ] {
         let start = Instant::now();
