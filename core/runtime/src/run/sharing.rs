@@ -151,6 +151,8 @@ fn share<'a>(
     (pool, log, wait): (&Pool, &'a Warnings, &mut Wait),
 ) -> Result<Begun<'a>> {
     let dataset = &options.out;
+    // Files that placers read are read once, and their warnings must not get lost in the quiet check below.
+    recipe.input_digests(log)?;
     // The recipe of the dataset that this one grows. Workers that share the dataset would keep each other from writing it.
     let mut smaller = None;
     loop {
