@@ -12,6 +12,7 @@ use std::num::NonZeroU64;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, OnceLock, mpsc};
 use std::time::Duration;
+use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::DEMODULATION_EPSILON;
 use syntable_prepare::labels::{BASE_LAYER, GLASS};
@@ -48,12 +49,12 @@ const QUERIED: u32 = 10;
 pub enum Kernel {
     /// Camera rays.
     Start,
-    /// First surfaces of rays.
-    Extend,
+    /// First surfaces of rays, and shadow rays.
+    Trace,
     /// Scattering and light sampling.
     Shade,
-    /// Shadow rays.
-    Shadow,
+    /// Paths that gather guides alone.
+    Guide,
     /// Sums of pixels.
     Accumulate,
     /// Labels.
@@ -75,6 +76,8 @@ pub struct Variant {
     pub panes: bool,
     /// Guides are gathered.
     pub guides: bool,
+    /// Paths gather guides alone, and no light.
+    pub only_guides: bool,
     /// Dielectrics are glTF's plain mix.
     pub plain_dielectrics: bool,
     /// The trees have many levels.
@@ -94,6 +97,9 @@ impl Variant {
     }
 }
 
+/// A kernel, as soon as a session has compiled it.
+type Compiled = Arc<OnceLock<wgpu::ComputePipeline>>;
+
 /// A device and its kernels; shared by sessions.
 pub struct Device {
     device: wgpu::Device,
@@ -103,7 +109,7 @@ pub struct Device {
     layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
     module: wgpu::ShaderModule,
-    pipelines: Mutex<HashMap<(Kernel, Variant), Arc<wgpu::ComputePipeline>>>,
+    pipelines: Mutex<HashMap<(Kernel, Variant), Compiled>>,
     /// Maximum time that a session waits for submitted work.
     patience: Mutex<Duration>,
     #[cfg(test)]
@@ -126,7 +132,6 @@ fn constants() -> String {
         ("WARPED", layout::WARPED.into()),
         ("TENT", layout::TENT.into()),
         ("BLENDED_BY_COVERAGE", layout::BLENDED_BY_COVERAGE.into()),
-        ("ONLY_GUIDES", layout::ONLY_GUIDES.into()),
         ("WITHOUT_BACKGROUND", layout::WITHOUT_BACKGROUND.into()),
         ("WITHOUT_SHADOWS", layout::WITHOUT_SHADOWS.into()),
         ("GUIDE_BOUNCES", path::GUIDE_BOUNCES.into()),
@@ -446,21 +451,39 @@ impl Device {
     }
 
     /// A kernel, compiled at first use.
-    pub fn kernel(&self, kernel: Kernel, variant: Variant) -> Arc<wgpu::ComputePipeline> {
+    pub fn kernel(&self, kernel: Kernel, variant: Variant) -> wgpu::ComputePipeline {
         let make = || {
             let entry_point = match kernel {
                 Kernel::Start => "start",
-                Kernel::Extend => "extend",
+                Kernel::Trace => "trace",
                 Kernel::Shade => "shade",
-                Kernel::Shadow => "shadow",
+                Kernel::Guide => "guide",
                 Kernel::Accumulate => "accumulate",
                 Kernel::Labels => "labels",
                 Kernel::Choose => "choose",
                 Kernel::Resolve => "resolve",
             };
-            Arc::new(self.compiled(&self.module, entry_point, variant))
+            self.compiled(&self.module, entry_point, variant)
         };
-        self.pipelines.lock().entry((kernel, variant)).or_insert_with(make).clone()
+        // Other kernels compile meanwhile.
+        let place = self.pipelines.lock().entry((kernel, variant)).or_default().clone();
+        place.get_or_init(make).clone()
+    }
+
+    /// Compiles kernels at the same time, and the kernels of the denoiser if it runs on the device: a driver takes more
+    /// than a second for some.
+    pub fn compile(&self, kernels: &[(Kernel, Variant)], guided: bool, workers: &dyn Workers) {
+        let is_compiled = {
+            let pipelines = self.pipelines.lock();
+            kernels.iter().all(|kernel| pipelines.get(kernel).is_some_and(|place| place.get().is_some()))
+        };
+        if is_compiled && (!guided || self.guided.get().is_some()) {
+            return;
+        }
+        workers.run(kernels.len() + usize::from(guided), &|job| match kernels.get(job) {
+            Some(&(kernel, variant)) => drop(self.kernel(kernel, variant)),
+            None => drop(self.guided()),
+        });
     }
 
     fn compiled(&self, module: &wgpu::ShaderModule, entry_point: &str, variant: Variant) -> wgpu::ComputePipeline {
@@ -470,6 +493,7 @@ impl Device {
             ("CUTOUTS", on(variant.cutouts)),
             ("PANES", on(variant.panes)),
             ("GUIDES", on(variant.guides)),
+            ("ONLY_GUIDES", on(variant.only_guides)),
             ("PLAIN_DIELECTRICS", on(variant.plain_dielectrics)),
             ("DEEP", on(variant.deep)),
             ("TILES", on(variant.tiles)),
@@ -499,11 +523,11 @@ impl Device {
 
     /// Replaces a compiled kernel.
     #[cfg(test)]
-    pub(crate) fn replace(&self, kernel: Kernel, by: &Arc<wgpu::ComputePipeline>) {
+    pub(crate) fn replace(&self, kernel: Kernel, by: &wgpu::ComputePipeline) {
         let mut pipelines = self.pipelines.lock();
         let compiled: Vec<_> = pipelines.keys().filter(|(of, _)| *of == kernel).copied().collect();
         assert!(!compiled.is_empty());
-        pipelines.extend(compiled.into_iter().map(|key| (key, by.clone())));
+        pipelines.extend(compiled.into_iter().map(|key| (key, Arc::new(OnceLock::from(by.clone())))));
     }
 
     /// A kernel in WGSL that can call all functions of the other kernels, compiled like them.

@@ -3,7 +3,7 @@
 use crate::device::Kernel;
 use crate::guided::{GuidedFilter, PIXELS_OF_A_PATH, Sections, guided_of};
 use crate::layout::{COUNTERS, GROUP, NONE, View, first_counters, groups, rays_of};
-use crate::passes::{Passes, Pixels};
+use crate::passes::{self, Passes, Paths, Pixels};
 use crate::planes::{
     AT_ALBEDO, AT_DEMODULATED, AT_DEMODULATED_VARIANCE, AT_DEPTH, AT_INSTANCE, AT_NORMAL, AT_OPACITY, AT_RADIANCE,
     AT_SPECULAR, AT_SPECULAR_VARIANCE, COLORS, LabelSections, NUMBERS, color, make_all, number, sums,
@@ -204,6 +204,7 @@ impl GpuSession {
         let (all, tile_map) = self.list(request, capacity)?;
         let sums_at = layout.sums_at as u32;
         let views = views.map(|view| View { capacity, sums_at, tile_map, ..layout.labels.placed_in(view) });
+        self.compile(world, &layout, request.workers);
         let mut filter = match layout.guided {
             Some(_) => Some(self.guided.take().map_or_else(|| GuidedFilter::new(self.device.clone()), Ok)?),
             None => None,
@@ -224,6 +225,23 @@ impl GpuSession {
         }
         self.guided = filter.or(self.guided.take());
         Ok(statistics)
+    }
+
+    /// Compiles the kernels of a frame that are not compiled yet.
+    fn compile(&self, world: &World, layout: &Layout, workers: &dyn Workers) {
+        let variant = self.variant(world, layout.gathered);
+        let mut kernels = Vec::new();
+        if layout.light {
+            kernels.extend(passes::kernels(variant));
+            kernels.push((Kernel::Resolve, variant));
+        }
+        if layout.gathered.guides {
+            kernels.push((Kernel::Choose, variant));
+        }
+        if !layout.labels.is_empty() {
+            kernels.push((Kernel::Labels, variant.of_labels()));
+        }
+        self.device.compile(&kernels, layout.guided.is_some(), workers);
     }
 
     /// Records labels, paths, more samples of the guides for pixels that differ from their neighbors, and the resulting
@@ -253,13 +271,13 @@ impl GpuSession {
         let each = groups(layout.pixels, GROUP);
         passes.encoder.clear_buffer(&buffers.output, 4 * layout.sums_at, Some(4 * layout.sums));
         device.write(&buffers.counters, 0, bytemuck::cast_slice(&first_counters()));
-        passes.trace(&view, all, 0..layout.samples)?;
+        passes.trace(Paths::Light, &view, all, 0..layout.samples)?;
         if layout.gathered.guides {
             passes.once(&device.kernel(Kernel::Choose, variant), each);
             passes.submit();
             device.write(&buffers.view, 0, bytemuck::bytes_of(&guide_view));
             let chosen = Pixels { list: all.list + layout.pixels as u32, is_chosen: true, ..all };
-            passes.trace(&guide_view, chosen, 0..GUIDE_SAMPLES)?;
+            passes.trace(Paths::Guides, &guide_view, chosen, 0..GUIDE_SAMPLES)?;
             passes.submit();
             device.write(&buffers.view, 0, bytemuck::bytes_of(&view));
         }

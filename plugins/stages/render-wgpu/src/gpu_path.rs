@@ -143,7 +143,7 @@ mod tests {
 
     /// A kernel that runs for `turns` turns, and ends. Turns are long, since software renderers end a loop after
     /// 65,535.
-    fn long_kernel(device: &Device, turns: u32) -> Arc<wgpu::ComputePipeline> {
+    fn long_kernel(device: &Device, turns: u32) -> wgpu::ComputePipeline {
         let turn = "word = (word ^ (word >> 15u)) * 0x2c1b3c6du + i;\n".repeat(512);
         let added = format!(
             "
@@ -158,7 +158,7 @@ fn long(@builtin(global_invocation_id) id: vec3<u32>) {{
     }}
 }}"
         );
-        Arc::new(device.kernel_of(&added, "long", Variant::default()))
+        device.kernel_of(&added, "long", Variant::default())
     }
 
     #[test]

@@ -38,10 +38,9 @@ pub struct BodyPlace {
 pub const WARPED: u32 = 1;
 pub const TENT: u32 = 2;
 pub const BLENDED_BY_COVERAGE: u32 = 4;
-pub const ONLY_GUIDES: u32 = 8;
-pub const WITHOUT_BACKGROUND: u32 = 16;
-pub const WITHOUT_SHADOWS: u32 = 32;
-pub const LABELS_THROUGH_GLASS: u32 = 64;
+pub const WITHOUT_BACKGROUND: u32 = 8;
+pub const WITHOUT_SHADOWS: u32 = 16;
+pub const LABELS_THROUGH_GLASS: u32 = 32;
 
 /// `View` in `scene.wgsl`.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -117,6 +116,13 @@ pub struct Pass {
     pub unused: u32,
 }
 
+impl Pass {
+    /// Maximum number of paths.
+    pub fn paths(&self) -> u64 {
+        u64::from(self.pixels) * u64::from(self.samples)
+    }
+}
+
 /// Threads of a group of most kernels.
 pub const GROUP: u64 = 64;
 
@@ -133,7 +139,8 @@ pub const SHADOWS_COUNTED: u32 = RAYS_COUNTED + 2;
 /// Pixels that were chosen for more samples of the guides.
 pub const CHOSEN: u32 = RAYS_COUNTED + 4;
 
-/// Numbers of workgroups, bounce after bounce: three words for paths that continue, three for shadow rays.
+/// Numbers of workgroups, bounce after bounce: three words for paths that continue, three for their rays and the shadow
+/// rays of the bounce.
 pub const GROUPS_COUNTED: u32 = RAYS_COUNTED + 8;
 
 /// Words of all counters.

@@ -1,13 +1,11 @@
 //! Passes of paths over the pixels of an image.
 
-use crate::device::Kernel;
-use crate::layout::{COUNTERS, GROUP, GROUPS_COUNTED, ONLY_GUIDES, PASS_STRIDE, Pass, View, groups};
+use crate::device::{Kernel, Variant};
+use crate::layout::{COUNTERS, GROUP, GROUPS_COUNTED, PASS_STRIDE, Pass, View, groups};
 use crate::session::{Gathered, GpuSession, World};
 use std::ops::Range;
-use std::sync::Arc;
 use syntable_model::context::Workers;
 use syntable_model::error::Result;
-use syntable_transport::path::GUIDE_BOUNCES;
 
 /// Bounces that are submitted together, before the host asks whether any path is left.
 const BOUNCES_AT_ONCE: u32 = 16;
@@ -27,13 +25,30 @@ pub struct Pixels {
     pub is_chosen: bool,
 }
 
-/// Kernels of a pass, in the order of their first use.
-const KERNELS: [Kernel; 5] = [Kernel::Start, Kernel::Extend, Kernel::Shade, Kernel::Shadow, Kernel::Accumulate];
+/// Data that the paths of a pass gather.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Paths {
+    /// Light, and guides if the image needs them.
+    Light,
+    /// Guides alone.
+    Guides,
+}
+
+/// The kernels of passes.
+pub fn kernels(variant: Variant) -> Vec<(Kernel, Variant)> {
+    let alone = Variant { only_guides: true, ..variant };
+    let light = [Kernel::Start, Kernel::Trace, Kernel::Shade, Kernel::Accumulate].map(|kernel| (kernel, variant));
+    let guides = [Kernel::Guide, Kernel::Accumulate].map(|kernel| (kernel, alone));
+    light.into_iter().chain(guides.into_iter().filter(|_| variant.guides)).collect()
+}
+
+/// Indices among these.
 const START: usize = 0;
-const EXTEND: usize = 1;
+const TRACE: usize = 1;
 const SHADE: usize = 2;
-const SHADOW: usize = 3;
-const ACCUMULATE: usize = 4;
+const ACCUMULATE: usize = 3;
+const GUIDE: usize = 4;
+const ACCUMULATE_GUIDES: usize = 5;
 
 /// Groups of a dispatch.
 #[derive(Clone, Copy)]
@@ -50,7 +65,8 @@ pub struct Passes<'a> {
     /// Recorded work that is not submitted yet.
     pub encoder: wgpu::CommandEncoder,
     group: wgpu::BindGroup,
-    kernels: [Arc<wgpu::ComputePipeline>; 5],
+    /// As [`kernels`] lists them.
+    kernels: Vec<wgpu::ComputePipeline>,
     /// The end of the pass before the last.
     before: Option<wgpu::SubmissionIndex>,
     /// Ends the work between passes on request.
@@ -61,14 +77,14 @@ impl<'a> Passes<'a> {
     /// Records with the kernels that a scene needs.
     pub fn new(session: &'a GpuSession, world: &World, gathered: Gathered, workers: &'a dyn Workers) -> Self {
         let variant = session.variant(world, gathered);
-        let kernels = KERNELS.map(|kernel| session.device.kernel(kernel, variant));
+        let kernels = kernels(variant);
+        session.device.compile(&kernels, false, workers);
+        let kernels = kernels.into_iter().map(|(kernel, variant)| session.device.kernel(kernel, variant)).collect();
         Self { session, encoder: session.device.encoder(), group: session.bind(), kernels, before: None, workers }
     }
 
     /// Traces samples of pixels, in as many passes as the state of paths needs.
-    pub fn trace(&mut self, view: &View, pixels: Pixels, samples: Range<u32>) -> Result<()> {
-        let only_guides = view.flags & ONLY_GUIDES != 0;
-        let bounces = if only_guides { GUIDE_BOUNCES } else { view.max_bounces };
+    pub fn trace(&mut self, paths: Paths, view: &View, pixels: Pixels, samples: Range<u32>) -> Result<()> {
         // Passes of equal numbers of samples.
         let all = samples.len().max(1) as u32;
         let most = (view.capacity / pixels.count.max(1)).clamp(1, all);
@@ -85,17 +101,20 @@ impl<'a> Passes<'a> {
                     is_chosen: pixels.is_chosen.into(),
                     ..Pass::default()
                 };
-                self.pass(pass, bounces, !only_guides)?;
+                match paths {
+                    Paths::Light => self.light(pass, view.max_bounces)?,
+                    Paths::Guides => self.guides(pass)?,
+                }
             }
         }
         Ok(())
     }
 
-    /// Traces the paths of a pass.
-    fn pass(&mut self, pass: Pass, max_bounces: u32, shadows: bool) -> Result<()> {
+    /// Waits until few passes are in progress, and writes the uniforms of the bounces of the next one.
+    fn begin(&mut self, pass: Pass, bounces: u32) -> Result<()> {
         self.workers.check_stop();
         let session = self.session;
-        let passes: Vec<u8> = (0..=max_bounces)
+        let passes: Vec<u8> = (0..bounces)
             .flat_map(|bounce| {
                 let mut bytes = bytemuck::bytes_of(&Pass { bounce, ..pass }).to_vec();
                 bytes.resize(PASS_STRIDE as usize, 0);
@@ -109,20 +128,31 @@ impl<'a> Passes<'a> {
             session.device.wait(before)?;
         }
         session.device.write(&session.buffers.passes, 0, &passes);
-        let paths = u64::from(pass.pixels) * u64::from(pass.samples);
+        Ok(())
+    }
+
+    /// Traces the paths of a pass that gathers guides alone.
+    fn guides(&mut self, pass: Pass) -> Result<()> {
+        self.begin(pass, 1)?;
+        self.dispatch(GUIDE, 0, Groups::Known(groups(pass.paths(), GROUP)));
+        self.dispatch(ACCUMULATE_GUIDES, 0, Groups::Known(groups(pass.pixels.into(), GROUP)));
+        Ok(())
+    }
+
+    /// Traces the paths of a pass that gathers light.
+    fn light(&mut self, pass: Pass, max_bounces: u32) -> Result<()> {
+        self.begin(pass, max_bounces + 1)?;
+        let (session, paths) = (self.session, pass.paths());
         self.dispatch(START, 0, Groups::Known(groups(paths, 2 * GROUP)));
         for bounce in 0..=max_bounces {
-            let going = match bounce {
-                0 => Groups::Known(groups(paths, GROUP)),
-                _ => Groups::Counted(0),
+            let [rays, going] = match bounce {
+                0 => [Groups::Known(groups(paths, GROUP)); 2],
+                _ => [Groups::Counted(12), Groups::Counted(0)],
             };
-            self.dispatch(EXTEND, bounce, going);
+            self.dispatch(TRACE, bounce, rays);
             self.dispatch(SHADE, bounce, going);
             let counted = 4 * u64::from(GROUPS_COUNTED + 6 * bounce);
             self.encoder.copy_buffer_to_buffer(&session.buffers.counters, counted, &session.buffers.groups, 0, 24);
-            if shadows && bounce < max_bounces {
-                self.dispatch(SHADOW, bounce, Groups::Counted(12));
-            }
             // The device starts while the rest is recorded. Also, watchdogs limit the time of a submission, and the
             // first bounces of many paths take the longest.
             if bounce == 0 || bounce < LONG_BOUNCES && paths > MANY_PATHS {
@@ -131,6 +161,8 @@ impl<'a> Passes<'a> {
             if bounce % BOUNCES_AT_ONCE == BOUNCES_AT_ONCE - 1 && bounce < max_bounces {
                 let counters = self.counters()?;
                 if counters[bounce as usize + 1] == 0 {
+                    // The last shadow rays.
+                    self.dispatch(TRACE, bounce + 1, Groups::Counted(12));
                     break;
                 }
             }

@@ -1,7 +1,7 @@
 //! Frames in rounds, where noise or time decides the number of samples: the host reads the sums after every round.
 
-use crate::layout::{COUNTERS, ONLY_GUIDES, View, first_counters, rays_of};
-use crate::passes::{Passes, Pixels};
+use crate::layout::{COUNTERS, View, first_counters, rays_of};
+use crate::passes::{Passes, Paths, Pixels};
 use crate::planes::{SUM_DEMODULATED, SUM_GUIDES, SUM_SAMPLES, SUM_SPECULAR, SUMS, sums};
 use crate::session::{Gathered, GpuSession, World};
 use parking_lot::Mutex;
@@ -73,21 +73,25 @@ impl Tracer for GpuTracer<'_> {
     fn trace(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Result<Statistics> {
         let paths = tasks.iter().map(|task| (task.pixels.len() * task.samples.len()) as u64).sum();
         let before = *self.counted.lock();
-        self.run(&self.view, tasks, workers)?;
+        self.run(Paths::Light, tasks, workers)?;
         let now = *self.counted.lock();
         Ok(Statistics { paths, rays: now[0] - before[0], shadow_rays: now[1] - before[1] })
     }
 
     fn trace_guides(&self, _: u32, tasks: Vec<Task>, workers: &dyn Workers) -> Result<()> {
-        self.run(&self.guide_view, tasks, workers)
+        self.run(Paths::Guides, tasks, workers)
     }
 }
 
 impl GpuTracer<'_> {
     /// Traces the samples of tasks, adds their sums, and counts their rays.
-    fn run(&self, view: &View, tasks: Vec<Task>, workers: &dyn Workers) -> Result<()> {
+    fn run(&self, paths: Paths, tasks: Vec<Task>, workers: &dyn Workers) -> Result<()> {
         let Self { session, tiles, size: [width, height], .. } = *self;
         let Gathered { guides, opacity, .. } = self.gathered;
+        let view = match paths {
+            Paths::Light => &self.view,
+            Paths::Guides => &self.guide_view,
+        };
         let (device, buffers) = (&session.device, &session.buffers);
         let Some(samples) = tasks.first().map(|task| task.samples.clone()) else { return Ok(()) };
         let at = |task: &Task, pixel: u16| {
@@ -98,7 +102,6 @@ impl GpuTracer<'_> {
         for task in &tasks {
             list.extend(task.pixels.iter().map(|&pixel| at(task, pixel)).map(|[x, y]| x | y << 16));
         }
-        let only_guides = view.flags & ONLY_GUIDES != 0;
         let all = Pixels { list: 3 * view.capacity, count: list.len() as u32, is_chosen: false };
         device.write(&buffers.queues, 4 * u64::from(all.list), bytemuck::cast_slice(&list));
         device.write(&buffers.view, 0, bytemuck::bytes_of(view));
@@ -106,7 +109,7 @@ impl GpuTracer<'_> {
         let words = sums(guides, opacity) * pixels as u64;
         let mut passes = Passes::new(session, self.world, self.gathered, workers);
         passes.encoder.clear_buffer(&buffers.output, 0, Some(4 * words));
-        passes.trace(view, all, samples)?;
+        passes.trace(paths, view, all, samples)?;
         *self.counted.lock() = rays_of(&passes.counters()?);
         passes.encoder.copy_buffer_to_buffer(&buffers.output, 0, &buffers.readable, 0, 4 * words);
         device.read(passes.into_encoder(), &buffers.readable, words, |sums: &[f32]| {
@@ -117,7 +120,7 @@ impl GpuTracer<'_> {
                     let [x, y] = at(task, pixel);
                     let entry = (y * width + x) as usize;
                     let number = |number: u32| sums[number as usize * pixels + entry];
-                    task.sums[usize::from(pixel)].add_sums(&pixel_sums(number, self.gathered, only_guides));
+                    task.sums[usize::from(pixel)].add_sums(&pixel_sums(number, self.gathered, paths));
                 }
             });
         })
@@ -125,11 +128,11 @@ impl GpuTracer<'_> {
 }
 
 /// Sums of a pixel from the numbers of `path.wgsl`.
-fn pixel_sums(number: impl Fn(u32) -> f32, gathered: Gathered, only_guides: bool) -> PixelSums {
+fn pixel_sums(number: impl Fn(u32) -> f32, gathered: Gathered, paths: Paths) -> PixelSums {
     let Gathered { guides, opacity, .. } = gathered;
     let three = |first: u32| [0, 1, 2].map(|c| number(first + c));
     let mut sums = PixelSums::default();
-    if !only_guides {
+    if paths == Paths::Light {
         // The other number is the rounding error that the next addition would have subtracted.
         let exact = |at: u32| f64::from(number(at)) - f64::from(number(at + 4));
         sums.samples = number(SUM_SAMPLES) as u32;

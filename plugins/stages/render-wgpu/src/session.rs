@@ -314,6 +314,7 @@ impl GpuSession {
                 || world.scene.has_glass && self.options.blended_labels == BlendedLabels::Opaque,
             panes: world.scene.has_panes,
             guides,
+            only_guides: false,
             deep: self.walks_deep,
             plain_dielectrics: self.options.dielectrics == Dielectrics::Gltf,
             tiles,

@@ -2,8 +2,8 @@
 
 use crate::arena::{Arena, Asset, Place};
 use crate::layout::{
-    BLENDED_BY_COVERAGE, BodyPlace, EMITTER_SIZE, LABELS_THROUGH_GLASS, NONE, ONLY_GUIDES, TENT, View, WARPED,
-    WITHOUT_BACKGROUND, WITHOUT_SHADOWS,
+    BLENDED_BY_COVERAGE, BodyPlace, EMITTER_SIZE, LABELS_THROUGH_GLASS, NONE, TENT, View, WARPED, WITHOUT_BACKGROUND,
+    WITHOUT_SHADOWS,
 };
 use crate::session::{GpuSession, World, body_nodes_at};
 use crate::tables::{EnvironmentPlaces, Tables, TilePlace};
@@ -226,7 +226,6 @@ impl GpuSession {
             block_columns: guide_block_columns,
             sample_bits: guide_order.sample_bits(),
             block_bits: guide_order.block_bits(),
-            flags: view.flags | ONLY_GUIDES,
             ..view
         };
         [view, guide_view]

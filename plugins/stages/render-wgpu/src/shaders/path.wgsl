@@ -1,8 +1,9 @@
 // Path tracing, as in plugins/stages/render-cpu's path module: kernels that each take all paths one step further.
 //
-// The state of a path is a row of vectors, one plane of the buffer after the other. A pass starts paths (`start`), finds
-// their surfaces (`extend`), scatters them and samples lights (`shade`), tests shadow rays (`shadow`), bounce by bounce, and
-// adds what they found to the sums of their pixels (`accumulate`).
+// The state of a path is a row of vectors, one plane of the buffer after the other. A pass starts paths (`start`), traces
+// their rays and shadow rays (`trace`), scatters them and samples lights (`shade`), bounce by bounce, and adds what they found to
+// the sums of their pixels (`accumulate`). Paths that gather guides alone are few and short: one kernel takes them from their
+// start to their end (`guide`).
 
 const ORIGIN: u32 = 0u;      // origin, near
 const DIRECTION: u32 = 1u;   // direction, density
@@ -64,8 +65,8 @@ fn limit_luminance(c: vec3<f32>) -> vec3<f32> {
     return c * min(limit / max(luminance(c), 1e-30), 1.0);
 }
 
-fn light_of(c: vec3<f32>) -> vec3<f32> {
-    if pass_.bounce == 0u {
+fn light_of(c: vec3<f32>, bounce: u32) -> vec3<f32> {
+    if bounce == 0u {
         return c;
     }
     return limit_luminance(c);
@@ -79,8 +80,8 @@ fn emitter_sampled_weight(emitter: f32, pdf: f32) -> f32 {
     return select(1.0, power_heuristic(emitter, pdf), casts_shadows());
 }
 
-fn bsdf_sampled_weight(pdf: f32, emitter: f32) -> f32 {
-    if pass_.bounce == 0u {
+fn bsdf_sampled_weight(pdf: f32, emitter: f32, bounce: u32) -> f32 {
+    if bounce == 0u {
         return 1.0;
     }
     if !casts_shadows() {
@@ -100,10 +101,6 @@ fn shadow_terminator(face: vec3<f32>, normal: vec3<f32>, perturbed: bool, wi: ve
 
 fn offset_ray_origin(position: vec3<f32>, face: vec3<f32>) -> vec3<f32> {
     return position + face * ((max_component(abs(position)) + 0.5) * 4e-6);
-}
-
-fn gathers_guides_alone() -> bool {
-    return (view.flags & ONLY_GUIDES) != 0u;
 }
 
 // Column and row in the window of a pixel of the pass.
@@ -136,6 +133,15 @@ fn start(@builtin(global_invocation_id) id: vec3<u32>) {
     if path >= count {
         return;
     }
+    start_path(path);
+    queues[path] = path;
+    if path == 0u {
+        atomicStore(&counters[0], count);
+    }
+}
+
+// Draws the camera ray of a path.
+fn start_path(path: u32) {
     let pixel = listed_pixel(path / pass_.samples);
     enter_tile_of(path);
     let s = sampler_of(pixel.x, pixel.y, pass_.first_sample + path % pass_.samples);
@@ -174,28 +180,59 @@ fn start(@builtin(global_invocation_id) id: vec3<u32>) {
         set_state(SPECULAR_FRACTION, path, vec4(0.0));
         set_state(FIRST_RADIANCE, path, vec4(0.0));
     }
-    queues[path] = path;
-    if path == 0u {
-        atomicStore(&counters[0], count);
+}
+
+fn rows_of(threads: u32) -> u32 {
+    return (threads + ROW - 1u) / ROW;
+}
+
+// Traces the rays of a bounce, and the shadow rays of the bounce before: neither waits for the longest rays of the other.
+// The shadow rays begin with a row of threads.
+@compute @workgroup_size(GROUP)
+fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
+    let bounce = pass_.bounce;
+    let alive = atomicLoad(&counters[bounce]);
+    let rows = rows_of(alive);
+    if id.y < rows {
+        let number = id.x + id.y * ROW;
+        if number < alive {
+            extend_path(queues[(bounce & 1u) * view.capacity + number], bounce);
+        }
+    } else if bounce > 0u {
+        let number = id.x + (id.y - rows) * ROW;
+        if number < atomicLoad(&counters[SHADOW_COUNTERS + bounce - 1u]) {
+            shadow_path(queues[2u * view.capacity + number], bounce - 1u);
+        }
     }
 }
 
+// Takes a path that gathers guides alone from its start to its end.
 @compute @workgroup_size(GROUP)
-fn extend(@builtin(global_invocation_id) id: vec3<u32>) {
-    let number = id.x + id.y * ROW;
-    if number >= atomicLoad(&counters[pass_.bounce]) {
+fn guide(@builtin(global_invocation_id) id: vec3<u32>) {
+    let path = id.x + id.y * ROW;
+    if path >= pixel_count() * pass_.samples {
         return;
     }
-    let path = queues[(pass_.bounce & 1u) * view.capacity + number];
+    start_path(path);
+    for (var bounce = 0u; bounce <= GUIDE_BOUNCES; bounce++) {
+        extend_path(path, bounce);
+        if !step_path(path, bounce).going {
+            break;
+        }
+    }
+}
+
+// Finds the surface that a path meets.
+fn extend_path(path: u32, bounce: u32) {
     enter_tile_of(path);
     let o = state(ORIGIN, path);
     let d = state(DIRECTION, path);
     let n = state(NUMBERS, path);
     var seed = 0u;
     if CUTOUTS {
-        seed = alpha_seed(bits(n.x), bits(n.y), pass_.bounce);
+        seed = alpha_seed(bits(n.x), bits(n.y), bounce);
     }
-    let top = select(top_level_of_all(), top_level_of_seen(), pass_.bounce == 0u);
+    let top = select(top_level_of_all(), top_level_of_seen(), bounce == 0u);
     let hit = first_hit(top, Ray(o.xyz, d.xyz), o.w, seed);
     set_state(HIT, path, vec4(hit.t, hit.u, hit.v, as_float(hit.primitive)));
     paths[NUMBERS * view.capacity + path].w = as_float(hit.instance);
@@ -228,7 +265,7 @@ fn shade(
     var path = 0u;
     if number < alive {
         path = queues[(pass_.bounce & 1u) * view.capacity + number];
-        step = step_path(path);
+        step = step_path(path, pass_.bounce);
     }
     var going_at = 0u;
     var shadow_at = 0u;
@@ -242,13 +279,22 @@ fn shade(
     if local == 0u {
         let going = atomicLoad(&going_here);
         let shadows = atomicLoad(&shadows_here);
+        var going_rows = 0u;
+        var rows = 0u;
         if going > 0u {
             going_from = atomicAdd(&counters[pass_.bounce + 1u], going);
-            atomicMax(&counters[GROUPS + 6u * pass_.bounce + 1u], (going_from + going + ROW - 1u) / ROW);
+            going_rows = rows_of(going_from + going) - rows_of(going_from);
         }
         if shadows > 0u {
             shadows_from = atomicAdd(&counters[SHADOW_COUNTERS + pass_.bounce], shadows);
-            atomicMax(&counters[GROUPS + 6u * pass_.bounce + 4u], (shadows_from + shadows + ROW - 1u) / ROW);
+            rows = rows_of(shadows_from + shadows) - rows_of(shadows_from);
+        }
+        rows += going_rows;
+        if going_rows > 0u {
+            atomicAdd(&counters[GROUPS + 6u * pass_.bounce + 1u], going_rows);
+        }
+        if rows > 0u {
+            atomicAdd(&counters[GROUPS + 6u * pass_.bounce + 4u], rows);
         }
     }
     workgroupBarrier();
@@ -266,7 +312,7 @@ fn add_radiance(path: u32, light: vec3<f32>) {
 }
 
 // Ends a path or takes it through the surface that it hit.
-fn step_path(path: u32) -> Step {
+fn step_path(path: u32, bounce: u32) -> Step {
     let over = Step(false, false);
     let o = state(ORIGIN, path);
     let d = state(DIRECTION, path);
@@ -280,7 +326,6 @@ fn step_path(path: u32) -> Step {
     var throughput = t4.xyz;
     let s = Sampler(bits(n.x), bits(n.y));
     let hit = Hit(h4.x, h4.y, h4.z, bits(h4.w), bits(n.w));
-    let bounce = pass_.bounce;
     if is_black(direction) {
         return over;
     }
@@ -297,7 +342,7 @@ fn step_path(path: u32) -> Step {
                 sampled = selection_probability(origin, n4.xyz, met.number) * shape_pdf(shape, origin, met.distance);
             }
             let radiance = shape_radiance(shape, origin + direction * met.distance, direction);
-            let light = light_of(throughput * radiance * bsdf_sampled_weight(pdf, sampled));
+            let light = light_of(throughput * radiance * bsdf_sampled_weight(pdf, sampled, bounce), bounce);
             if is_light(light) {
                 add_radiance(path, light);
             }
@@ -317,9 +362,9 @@ fn step_path(path: u32) -> Step {
                     let number = view.area_count + emitter_count() + i;
                     sampled = distant.pdf * selection_probability(origin, n4.xyz, number);
                 }
-                sum += distant.radiance * bsdf_sampled_weight(pdf, sampled);
+                sum += distant.radiance * bsdf_sampled_weight(pdf, sampled, bounce);
             }
-            let light = light_of(throughput * sum);
+            let light = light_of(throughput * sum, bounce);
             if is_light(light) {
                 add_radiance(path, light);
             }
@@ -350,10 +395,10 @@ fn step_path(path: u32) -> Step {
         if bounce > 0u {
             sampled = body_pdf(origin, n4.xyz, hit, dot(surface.face, direction));
         }
-        add_radiance(path, light_of(throughput * surface.emission * bsdf_sampled_weight(pdf, sampled)));
+        add_radiance(path, light_of(throughput * surface.emission * bsdf_sampled_weight(pdf, sampled, bounce), bounce));
     }
     throughput *= surface.layer.weight;
-    if gathers_guides_alone() {
+    if ONLY_GUIDES {
         if (flags & PENDING) == 0u || bounce == GUIDE_BOUNCES {
             return over;
         }
@@ -382,11 +427,11 @@ fn step_path(path: u32) -> Step {
         layered = layered_new(lobe, surface.layer.coating, eta, parameters, wo);
     }
     let outside = offset_ray_origin(surface.position, face);
-    let splits = GUIDES && bounce == 0u && !gathers_guides_alone();
+    let splits = GUIDES && bounce == 0u && !ONLY_GUIDES;
 
     // Emitter sampling.
     var step = Step(false, false);
-    if light_count() > 0u && !gathers_guides_alone() {
+    if light_count() > 0u && !ONLY_GUIDES {
         let lit = sample_lights(outside, normal, sample_pair(s, 2u + 2u * bounce));
         let light = lit.sample;
         let wi = to_local(basis, light.direction);
@@ -420,7 +465,7 @@ fn step_path(path: u32) -> Step {
     if LAYERED {
         var random = 0.99999988;
         var least = 0.0;
-        if !gathers_guides_alone() {
+        if !ONLY_GUIDES {
             random = sample_pair(Sampler(s.seed ^ PASSAGE, s.index), bounce).x;
             if pdf >= FAR && bounce < 2u {
                 least = select(SPLIT_NEXT, SPLIT_FIRST, bounce == 0u);
@@ -527,13 +572,8 @@ fn add_guide_surface(path: u32, surface: Surface, bounce: u32) -> u32 {
     return flags;
 }
 
-@compute @workgroup_size(GROUP)
-fn shadow(@builtin(global_invocation_id) id: vec3<u32>) {
-    let number = id.x + id.y * ROW;
-    if number >= atomicLoad(&counters[SHADOW_COUNTERS + pass_.bounce]) {
-        return;
-    }
-    let path = queues[2u * view.capacity + number];
+// Adds the light of a shadow ray to its path, unless something is in the way.
+fn shadow_path(path: u32, bounce: u32) {
     enter_tile_of(path);
     let r = state(SHADOW_RAY, path);
     let o = state(SHADOW_ORIGIN, path);
@@ -545,16 +585,16 @@ fn shadow(@builtin(global_invocation_id) id: vec3<u32>) {
         let l = state(SHADOW_LIGHT, path);
         var transmittance = passed.transmittance;
         // A path counts panes as bounces, and may end among them: then no other estimate finds the light.
-        if passed.panes > 0u && pass_.bounce + 1u + passed.panes > view.max_bounces {
+        if passed.panes > 0u && bounce + 1u + passed.panes > view.max_bounces {
             transmittance *= 1.0 / l.w;
         }
         add_radiance(path, l.xyz * transmittance);
-        if GUIDES && pass_.bounce == 0u {
+        if GUIDES && bounce == 0u {
             let specular = state(SHADOW_SPECULAR, path).xyz * transmittance;
             set_state(DIRECT_SPECULAR, path, vec4(state(DIRECT_SPECULAR, path).xyz + specular, 0.0));
         }
     }
-    if GUIDES && pass_.bounce == 0u {
+    if GUIDES && bounce == 0u {
         set_state(FIRST_RADIANCE, path, state(RADIANCE, path));
     }
 }
@@ -596,7 +636,7 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let pixel = listed_pixel(number);
     let entry = pixel.y * u32(view.window.z) + pixel.x;
-    let gathers_light = !gathers_guides_alone();
+    let gathers_light = !ONLY_GUIDES;
     var opacity = 0.0;
     if OPACITY {
         opacity = read_sum(sum_of_opacity(), entry);
@@ -693,7 +733,7 @@ fn add_wide(at: u32, value: u32) {
 // Adds up the rays of the bounces of a pass, and readies the counters for the next one.
 fn count_rays() {
     for (var bounce = 0u; bounce <= max(view.max_bounces, GUIDE_BOUNCES); bounce++) {
-        if !gathers_guides_alone() {
+        if !ONLY_GUIDES {
             add_wide(RAYS_COUNTED, atomicLoad(&counters[bounce]));
             add_wide(SHADOWS_COUNTED, atomicLoad(&counters[SHADOW_COUNTERS + bounce]));
         }

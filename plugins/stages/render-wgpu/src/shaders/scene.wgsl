@@ -9,6 +9,7 @@ override DEEP: bool = true;
 // Whether windows with bodies of their own lie side by side; whether the opacity of pixels is counted.
 override TILES: bool = false;
 override OPACITY: bool = false;
+override ONLY_GUIDES: bool = false;
 
 struct View {
     // Left, top, width, height of the window, px from the corner of the image. With tiles the first two are those of the
@@ -58,8 +59,7 @@ struct View {
     sample_bits: u32,
     block_bits: u32,
     block_columns: u32,
-    // Sum of WARPED, TENT, BLENDED_BY_COVERAGE, ONLY_GUIDES, WITHOUT_BACKGROUND, WITHOUT_SHADOWS,
-    // LABELS_THROUGH_GLASS.
+    // Sum of WARPED, TENT, BLENDED_BY_COVERAGE, WITHOUT_BACKGROUND, WITHOUT_SHADOWS, LABELS_THROUGH_GLASS.
     flags: u32,
     // Of paths.
     max_bounces: u32,
