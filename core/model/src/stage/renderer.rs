@@ -1,6 +1,6 @@
 //! Renders images and per-pixel labels.
 
-use crate::context::Workers;
+use crate::context::{Cache, NoCache, Workers};
 use crate::error::{Error, Result};
 use crate::product::{KeyId, Lighting, Products};
 use crate::random::Stream;
@@ -154,6 +154,8 @@ pub struct RenderRequest<'a> {
     pub stream: Stream,
     /// Threads to spread the pixels over.
     pub workers: &'a dyn Workers,
+    /// Compiled kernels, kept between runs. They do not change an image.
+    pub cache: &'a dyn Cache,
     /// The denoiser, if the renderer runs it itself; see [`Renderer::denoises`].
     pub denoiser: Option<&'a dyn Denoiser>,
 }
@@ -164,7 +166,7 @@ impl<'a> RenderRequest<'a> {
         let image = Window::of(&view.camera.intrinsics);
         let (size, tiles) =
             ([image.width, image.height], vec![Tile { window: image, at: [0, 0], bodies: Bodies::All }]);
-        Self { view, wants, size, tiles, background: true, stream, workers, denoiser: None }
+        Self { view, wants, size, tiles, background: true, stream, workers, cache: &NoCache, denoiser: None }
     }
 
     /// Replaces the image by a window and the bodies in it.

@@ -2,7 +2,7 @@
 
 use crate::adapters::{AdapterInfo, Adapters, RayQueries, required_limits};
 use crate::constants::declared;
-use crate::guided::kernels::Kernels as GuidedKernels;
+use crate::guided::{self, kernels::Kernels as GuidedKernels};
 use crate::layout::{self, BODY_SIZE, EMITTER_SIZE, NONE, STORAGE_BUFFERS};
 use crate::{planes, trees};
 use bytemuck::Pod;
@@ -12,7 +12,8 @@ use std::num::NonZeroU64;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, OnceLock, mpsc};
 use std::time::Duration;
-use syntable_model::context::Workers;
+use syntable_model::context::{Cache, NoCache, Workers};
+use syntable_model::digest::Hasher;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::DEMODULATION_EPSILON;
 use syntable_prepare::labels::{BASE_LAYER, GLASS};
@@ -213,10 +214,11 @@ impl Device {
             max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
             ..required_limits()
         };
-        let (mut required_features, mut experimental_features) = Default::default();
+        let mut required_features = adapter.features() & wgpu::Features::PIPELINE_CACHE;
+        let mut experimental_features = wgpu::ExperimentalFeatures::disabled();
         if queries {
             limits = limits.using_acceleration_structure_values(offered);
-            required_features = wgpu::Features::EXPERIMENTAL_RAY_QUERY;
+            required_features |= wgpu::Features::EXPERIMENTAL_RAY_QUERY;
             // SAFETY: structures are built from buffers that stay unchanged until the build ends, and queries keep the
             // rules of `ShaderRuntimeChecks::ray_query_initialization_tracking`.
             experimental_features = unsafe { wgpu::ExperimentalFeatures::enabled() };
@@ -452,6 +454,11 @@ impl Device {
 
     /// A kernel, compiled at first use.
     pub fn kernel(&self, kernel: Kernel, variant: Variant) -> wgpu::ComputePipeline {
+        self.kept_kernel(kernel, variant, &NoCache)
+    }
+
+    /// A kernel, compiled at first use, with machine code that an earlier run kept.
+    fn kept_kernel(&self, kernel: Kernel, variant: Variant, cache: &dyn Cache) -> wgpu::ComputePipeline {
         let make = || {
             let entry_point = match kernel {
                 Kernel::Start => "start",
@@ -463,7 +470,10 @@ impl Device {
                 Kernel::Choose => "choose",
                 Kernel::Resolve => "resolve",
             };
-            self.compiled(&self.module, entry_point, variant)
+            let of_kernel = |key: Hasher| key.text(entry_point).text(&format!("{variant:?}"));
+            self.with_kept_code(&source(self.has_queries()), of_kernel, cache, |kept| {
+                self.compiled(&self.module, entry_point, variant, kept)
+            })
         };
         // Other kernels compile meanwhile.
         let place = self.pipelines.lock().entry((kernel, variant)).or_default().clone();
@@ -471,8 +481,8 @@ impl Device {
     }
 
     /// Compiles kernels at the same time, and the kernels of the denoiser if it runs on the device: a driver takes more
-    /// than a second for some.
-    pub fn compile(&self, kernels: &[(Kernel, Variant)], guided: bool, workers: &dyn Workers) {
+    /// than a second for some. The cache keeps their machine code between runs.
+    pub fn compile(&self, kernels: &[(Kernel, Variant)], guided: bool, cache: &dyn Cache, workers: &dyn Workers) {
         let is_compiled = {
             let pipelines = self.pipelines.lock();
             kernels.iter().all(|kernel| pipelines.get(kernel).is_some_and(|place| place.get().is_some()))
@@ -481,12 +491,18 @@ impl Device {
             return;
         }
         workers.run(kernels.len() + usize::from(guided), &|job| match kernels.get(job) {
-            Some(&(kernel, variant)) => drop(self.kernel(kernel, variant)),
-            None => drop(self.guided()),
+            Some(&(kernel, variant)) => drop(self.kept_kernel(kernel, variant, cache)),
+            None => drop(self.kept_guided(cache)),
         });
     }
 
-    fn compiled(&self, module: &wgpu::ShaderModule, entry_point: &str, variant: Variant) -> wgpu::ComputePipeline {
+    fn compiled(
+        &self,
+        module: &wgpu::ShaderModule,
+        entry_point: &str,
+        variant: Variant,
+        kept: Option<&wgpu::PipelineCache>,
+    ) -> wgpu::ComputePipeline {
         let on = |flag: bool| if flag { 1.0 } else { 0.0 };
         let mut constants = vec![
             ("LAYERED", on(variant.layered)),
@@ -511,7 +527,7 @@ impl Device {
                 constants: &constants,
                 zero_initialize_workgroup_memory: false,
             },
-            cache: None,
+            cache: kept,
         })
     }
 
@@ -539,7 +555,7 @@ impl Device {
         // buffers.
         let module =
             unsafe { self.device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) };
-        self.compiled(&module, entry_point, variant)
+        self.compiled(&module, entry_point, variant, None)
     }
 
     /// Records work.
@@ -641,6 +657,45 @@ impl Device {
 
     /// The kernels of the denoiser, compiled at first use.
     pub(crate) fn guided(&self) -> Arc<GuidedKernels> {
-        self.guided.get_or_init(|| Arc::new(GuidedKernels::new(&self.device))).clone()
+        self.kept_guided(&NoCache)
+    }
+
+    /// Like [`Self::guided`], with machine code that an earlier run kept.
+    fn kept_guided(&self, cache: &dyn Cache) -> Arc<GuidedKernels> {
+        let make = || {
+            let source = guided::kernels::source();
+            let kernels = |kept: Option<&_>| GuidedKernels::new(&self.device, &source, kept);
+            Arc::new(self.with_kept_code(&source, |key| key, cache, kernels))
+        };
+        self.guided.get_or_init(make).clone()
+    }
+
+    /// Compiles kernels with their machine code, if a cache has it for this source, adapter and driver. Otherwise the cache
+    /// keeps it afterwards. Some drivers keep it themselves, but often in folders that containers lose.
+    fn with_kept_code<T>(
+        &self,
+        source: &str,
+        of_kernel: impl FnOnce(Hasher) -> Hasher,
+        cache: &dyn Cache,
+        compile: impl FnOnce(Option<&wgpu::PipelineCache>) -> T,
+    ) -> T {
+        const PURPOSE: &str = "kernels";
+        if !self.device.features().contains(wgpu::Features::PIPELINE_CACHE) {
+            return compile(None);
+        }
+        let AdapterInfo { name, driver, backend, model, .. } = &self.info;
+        let of_adapter = Hasher::new(PURPOSE).text(name).text(driver).text(backend).bytes(bytemuck::bytes_of(model));
+        let key = of_kernel(of_adapter.text(source)).finish();
+        let before = cache.get(PURPOSE, key);
+        let descriptor =
+            wgpu::PipelineCacheDescriptor { label: Some(PURPOSE), data: before.as_deref(), fallback: true };
+        // SAFETY: a cache returns the bytes that were stored under the key, and `get_data` made them for this driver.
+        let kept = unsafe { self.device.create_pipeline_cache(&descriptor) };
+        let compiled = compile(Some(&kept));
+        // The same source compiles to other code after an update of its compiler: then the driver adds the new code.
+        if let Some(code) = kept.get_data().filter(|code| before.is_none_or(|before| before.len() < code.len())) {
+            cache.put(PURPOSE, key, &code);
+        }
+        compiled
     }
 }

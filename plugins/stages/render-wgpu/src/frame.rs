@@ -204,7 +204,7 @@ impl GpuSession {
         let (all, tile_map) = self.list(request, capacity)?;
         let sums_at = layout.sums_at as u32;
         let views = views.map(|view| View { capacity, sums_at, tile_map, ..layout.labels.placed_in(view) });
-        self.compile(world, &layout, request.workers);
+        self.compile(world, &layout, request);
         let mut filter = match layout.guided {
             Some(_) => Some(self.guided.take().map_or_else(|| GuidedFilter::new(self.device.clone()), Ok)?),
             None => None,
@@ -228,7 +228,7 @@ impl GpuSession {
     }
 
     /// Compiles the kernels of a frame that are not compiled yet.
-    fn compile(&self, world: &World, layout: &Layout, workers: &dyn Workers) {
+    fn compile(&self, world: &World, layout: &Layout, request: &RenderRequest) {
         let variant = self.variant(world, layout.gathered);
         let mut kernels = Vec::new();
         if layout.light {
@@ -241,7 +241,7 @@ impl GpuSession {
         if !layout.labels.is_empty() {
             kernels.push((Kernel::Labels, variant.of_labels()));
         }
-        self.device.compile(&kernels, layout.guided.is_some(), workers);
+        self.device.compile(&kernels, layout.guided.is_some(), request.cache, request.workers);
     }
 
     /// Records labels, paths, more samples of the guides for pixels that differ from their neighbors, and the resulting

@@ -77,9 +77,8 @@ impl<'a> Passes<'a> {
     /// Records with the kernels that a scene needs.
     pub fn new(session: &'a GpuSession, world: &World, gathered: Gathered, workers: &'a dyn Workers) -> Self {
         let variant = session.variant(world, gathered);
-        let kernels = kernels(variant);
-        session.device.compile(&kernels, false, workers);
-        let kernels = kernels.into_iter().map(|(kernel, variant)| session.device.kernel(kernel, variant)).collect();
+        let kernels =
+            kernels(variant).into_iter().map(|(kernel, variant)| session.device.kernel(kernel, variant)).collect();
         Self { session, encoder: session.device.encoder(), group: session.bind(), kernels, before: None, workers }
     }
 

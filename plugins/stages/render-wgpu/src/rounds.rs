@@ -1,7 +1,7 @@
 //! Frames in rounds, where noise or time decides the number of samples: the host reads the sums after every round.
 
 use crate::layout::{COUNTERS, View, first_counters, rays_of};
-use crate::passes::{Passes, Paths, Pixels};
+use crate::passes::{self, Passes, Paths, Pixels};
 use crate::planes::{SUM_DEMODULATED, SUM_GUIDES, SUM_SAMPLES, SUM_SPECULAR, SUMS, sums};
 use crate::session::{Gathered, GpuSession, World};
 use parking_lot::Mutex;
@@ -42,6 +42,8 @@ impl GpuSession {
         self.listed = None;
         let [view, guide_view] = views.map(|view| View { capacity, tile_map, ..view });
         self.device.write(&self.buffers.counters, 0, bytemuck::cast_slice(&first_counters()));
+        let kernels = passes::kernels(self.variant(world, gathered));
+        self.device.compile(&kernels, false, request.cache, request.workers);
         let counted = Mutex::default();
         let (size, tiles) = (request.size, &request.tiles[..]);
         let tracer = GpuTracer { session: self, world, size, tiles, view, guide_view, gathered, counted };

@@ -2,7 +2,11 @@
 //!
 //! Needs an adapter: a card, or Mesa's lavapipe (`mesa-vulkan-drivers`), a software renderer.
 
+use parking_lot::Mutex;
+use std::collections::BTreeMap;
 use std::sync::Arc;
+use syntable_guided::Guided;
+use syntable_model::context::Cache;
 use syntable_model::digest::Digest;
 use syntable_model::prelude::*;
 use syntable_model::product::Lighting;
@@ -364,6 +368,55 @@ fn the_same_device_makes_the_same_bytes() {
     });
     let all = images.as_flattened();
     assert!(all.iter().all(|image| image.data() == all[0].data()));
+}
+
+/// A cache in memory.
+#[derive(Default)]
+struct Memory(Mutex<BTreeMap<(String, String), Vec<u8>>>);
+
+impl Cache for Memory {
+    fn get(&self, purpose: &str, key: Digest) -> Option<Vec<u8>> {
+        self.0.lock().get(&(purpose.to_owned(), key.to_string())).cloned()
+    }
+
+    fn put(&self, purpose: &str, key: Digest, bytes: &[u8]) {
+        self.0.lock().insert((purpose.to_owned(), key.to_string()), bytes.to_vec());
+    }
+}
+
+#[test]
+fn kept_machine_code_makes_the_same_bytes_and_other_bytes_are_compiled_again() {
+    if !has_adapter() {
+        return;
+    }
+    let (scene, view, cache) = (room::scene_of(Look::Plastic), room::view(16, 12), Memory::default());
+    let (wants, denoiser) = ([RADIANCE.id(), DEPTH.id()], Guided::default());
+    let options = PathTracing { samples_per_pixel: 2, ..PathTracing::default() };
+    let render = || {
+        let request = RenderRequest {
+            cache: &cache,
+            denoiser: Some(&denoiser),
+            ..RenderRequest::new(&view, &wants, Stream::root(7), &Threads(2))
+        };
+        let mut session = GpuPathRenderer::new(options.clone()).open(0).expect("opens");
+        session.load(&scene, &Threads(2)).expect("loads");
+        let mut frame = Products::new();
+        session.render(&request, &mut frame).expect("renders");
+        frame.get(RADIANCE).expect("made").clone()
+    };
+    let compiled = render();
+    let kept = cache.0.lock().clone();
+    if kept.is_empty() {
+        println!("skipped: the adapter gives no machine code");
+        return;
+    }
+    assert_eq!(render().data(), compiled.data());
+    assert!(cache.0.lock().keys().eq(kept.keys()), "the same kernels have the same keys");
+    for code in cache.0.lock().values_mut() {
+        *code = b"not machine code".to_vec();
+    }
+    assert_eq!(render().data(), compiled.data());
+    assert!(cache.0.lock().values().all(|code| code != b"not machine code"), "new code replaces the old");
 }
 
 /// Products of one value per pixel.

@@ -252,6 +252,7 @@ impl Attempt<'_> {
             let session = session.at(view.moment, &self.tools)?;
             let stream = self.stream("render").at(u64::from(view.id.0));
             let mut request = RenderRequest::new(&view, &wants, stream, self.tools.workers);
+            request.cache = self.tools.cache;
             let denoised = match framing.objects() {
                 Some(lighting) => {
                     let atlas = match &mut atlas {

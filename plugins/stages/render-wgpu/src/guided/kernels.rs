@@ -34,8 +34,8 @@ pub(crate) struct Kernels {
 }
 
 impl Kernels {
-    /// Compiles the kernels.
-    pub(crate) fn new(device: &wgpu::Device) -> Self {
+    /// Compiles the kernels from their [`source`].
+    pub(crate) fn new(device: &wgpu::Device, source: &str, kept: Option<&wgpu::PipelineCache>) -> Self {
         let entry = |binding, ty, has_dynamic_offset| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,
@@ -52,7 +52,6 @@ impl Kernels {
             bind_group_layouts: &[Some(&layout)],
             immediate_size: 0,
         });
-        let source = constants() + &SHADERS.join("\n");
         let descriptor =
             wgpu::ShaderModuleDescriptor { label: Some("guided"), source: wgpu::ShaderSource::Wgsl(source.into()) };
         // SAFETY: loops of the shaders have bounds, and indices stay below the sizes that `GuidedFilter::record`
@@ -68,7 +67,7 @@ impl Kernels {
                     constants: &[],
                     zero_initialize_workgroup_memory: false,
                 },
-                cache: None,
+                cache: kept,
             })
         };
         Self {
@@ -104,6 +103,11 @@ impl Kernels {
             entries: &entries,
         })
     }
+}
+
+/// The WGSL of the kernels.
+pub(crate) fn source() -> String {
+    constants() + &SHADERS.join("\n")
 }
 
 /// Constants of the shaders, in WGSL.
