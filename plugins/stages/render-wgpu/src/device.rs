@@ -48,9 +48,7 @@ const QUERIED: u32 = 10;
 /// An entry point of the shaders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kernel {
-    /// Camera rays.
-    Start,
-    /// First surfaces of rays, and shadow rays.
+    /// Camera rays, first surfaces of rays, and shadow rays.
     Trace,
     /// Scattering and light sampling.
     Shade,
@@ -461,7 +459,6 @@ impl Device {
     fn kept_kernel(&self, kernel: Kernel, variant: Variant, cache: &dyn Cache) -> wgpu::ComputePipeline {
         let make = || {
             let entry_point = match kernel {
-                Kernel::Start => "start",
                 Kernel::Trace => "trace",
                 Kernel::Shade => "shade",
                 Kernel::Guide => "guide",

@@ -37,18 +37,17 @@ pub enum Paths {
 /// The kernels of passes.
 pub fn kernels(variant: Variant) -> Vec<(Kernel, Variant)> {
     let alone = Variant { only_guides: true, ..variant };
-    let light = [Kernel::Start, Kernel::Trace, Kernel::Shade, Kernel::Accumulate].map(|kernel| (kernel, variant));
+    let light = [Kernel::Trace, Kernel::Shade, Kernel::Accumulate].map(|kernel| (kernel, variant));
     let guides = [Kernel::Guide, Kernel::Accumulate].map(|kernel| (kernel, alone));
     light.into_iter().chain(guides.into_iter().filter(|_| variant.guides)).collect()
 }
 
 /// Indices among these.
-const START: usize = 0;
-const TRACE: usize = 1;
-const SHADE: usize = 2;
-const ACCUMULATE: usize = 3;
-const GUIDE: usize = 4;
-const ACCUMULATE_GUIDES: usize = 5;
+const TRACE: usize = 0;
+const SHADE: usize = 1;
+const ACCUMULATE: usize = 2;
+const GUIDE: usize = 3;
+const ACCUMULATE_GUIDES: usize = 4;
 
 /// Groups of a dispatch.
 #[derive(Clone, Copy)]
@@ -142,7 +141,6 @@ impl<'a> Passes<'a> {
     fn light(&mut self, pass: Pass, max_bounces: u32) -> Result<()> {
         self.begin(pass, max_bounces + 1)?;
         let (session, paths) = (self.session, pass.paths());
-        self.dispatch(START, 0, Groups::Known(groups(paths, 2 * GROUP)));
         for bounce in 0..=max_bounces {
             let [rays, going] = match bounce {
                 0 => [Groups::Known(groups(paths, GROUP)); 2],

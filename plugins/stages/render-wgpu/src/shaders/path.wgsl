@@ -1,6 +1,6 @@
 // Path tracing, as in plugins/stages/render-cpu's path module: kernels that each take all paths one step further.
 //
-// The state of a path is a row of vectors, one plane of the buffer after the other. A pass starts paths (`start`), traces
+// The state of a path is a row of vectors, one plane of the buffer after the other. A pass starts paths and traces
 // their rays and shadow rays (`trace`), scatters them and samples lights (`shade`), bounce by bounce, and adds what they found to
 // the sums of their pixels (`accumulate`). Paths that gather guides alone are few and short: one kernel takes them from their
 // start to their end (`guide`).
@@ -126,20 +126,6 @@ fn pixel_count() -> u32 {
     return min(pass_.pixels, max(chosen, pass_.first_pixel) - pass_.first_pixel);
 }
 
-@compute @workgroup_size(2 * GROUP)
-fn start(@builtin(global_invocation_id) id: vec3<u32>) {
-    let path = id.x + id.y * 2u * ROW;
-    let count = pixel_count() * pass_.samples;
-    if path >= count {
-        return;
-    }
-    start_path(path);
-    queues[path] = path;
-    if path == 0u {
-        atomicStore(&counters[0], count);
-    }
-}
-
 // Draws the camera ray of a path.
 fn start_path(path: u32) {
     let pixel = listed_pixel(path / pass_.samples);
@@ -186,17 +172,37 @@ fn rows_of(threads: u32) -> u32 {
     return (threads + ROW - 1u) / ROW;
 }
 
+// Number of paths that a bounce begins with.
+fn path_count(bounce: u32) -> u32 {
+    if bounce == 0u {
+        return pixel_count() * pass_.samples;
+    }
+    return atomicLoad(&counters[bounce]);
+}
+
+// A path that a bounce begins with.
+fn listed_path(number: u32, bounce: u32) -> u32 {
+    if bounce == 0u {
+        return number;
+    }
+    return queues[(bounce & 1u) * view.capacity + number];
+}
+
 // Traces the rays of a bounce, and the shadow rays of the bounce before: neither waits for the longest rays of the other.
 // The shadow rays begin with a row of threads.
 @compute @workgroup_size(GROUP)
 fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let bounce = pass_.bounce;
-    let alive = atomicLoad(&counters[bounce]);
+    let alive = path_count(bounce);
     let rows = rows_of(alive);
     if id.y < rows {
         let number = id.x + id.y * ROW;
         if number < alive {
-            extend_path(queues[(bounce & 1u) * view.capacity + number], bounce);
+            let path = listed_path(number, bounce);
+            if bounce == 0u {
+                start_path(path);
+            }
+            extend_path(path, bounce);
         }
     } else if bounce > 0u {
         let number = id.x + (id.y - rows) * ROW;
@@ -255,7 +261,7 @@ fn shade(
     @builtin(local_invocation_index) local: u32,
 ) {
     let number = id.x + id.y * ROW;
-    let alive = atomicLoad(&counters[pass_.bounce]);
+    let alive = path_count(pass_.bounce);
     if local == 0u {
         atomicStore(&going_here, 0u);
         atomicStore(&shadows_here, 0u);
@@ -264,7 +270,7 @@ fn shade(
     var step = Step(false, false);
     var path = 0u;
     if number < alive {
-        path = queues[(pass_.bounce & 1u) * view.capacity + number];
+        path = listed_path(number, pass_.bounce);
         step = step_path(path, pass_.bounce);
     }
     var going_at = 0u;
@@ -732,9 +738,9 @@ fn add_wide(at: u32, value: u32) {
 
 // Adds up the rays of the bounces of a pass, and readies the counters for the next one.
 fn count_rays() {
-    for (var bounce = 0u; bounce <= max(view.max_bounces, GUIDE_BOUNCES); bounce++) {
+    for (var bounce = 0u; bounce <= view.max_bounces; bounce++) {
         if !ONLY_GUIDES {
-            add_wide(RAYS_COUNTED, atomicLoad(&counters[bounce]));
+            add_wide(RAYS_COUNTED, path_count(bounce));
             add_wide(SHADOWS_COUNTED, atomicLoad(&counters[SHADOW_COUNTERS + bounce]));
         }
         atomicStore(&counters[bounce], 0u);
