@@ -115,7 +115,7 @@ fn without_a_file_the_sheet_is_named_after_the_recipe() {
 fn mistakes_are_told_as_check_tells_them() {
     let folder = tempfile::tempdir().expect("a folder");
     let (recipe, out) = (folder.path().join("my.toml"), folder.path().join("out.png"));
-    fs::write(&recipe, with("samples_per_pixel = 16", "sampels_per_pixel = 16")).expect("written");
+    fs::write(&recipe, with("samples_per_pixel = 8", "sampels_per_pixel = 8")).expect("written");
     let checked = fails(syntable().arg("check").arg(&recipe), 2);
     let said = fails(syntable().arg("preview").arg(&recipe).arg("--out").arg(&out), 2);
     assert!(said.contains("did you mean `samples_per_pixel`"), "{said}");
@@ -151,7 +151,7 @@ fn a_sheet_never_takes_the_place_of_an_asset() {
     refused(&recipe, &[]);
     // A recipe with mistakes names no assets, and the sheet would show its mistakes.
     let broken = folder.path().join("broken.toml");
-    fs::write(&broken, with("samples_per_pixel = 16", "sampels_per_pixel = 16")).expect("written");
+    fs::write(&broken, with("samples_per_pixel = 8", "sampels_per_pixel = 8")).expect("written");
     refused(&broken, &["--watch"]);
     // A sheet replaces an earlier sheet in any folder.
     let sheet = folder.path().join("textures/sheet.png");

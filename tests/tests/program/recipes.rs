@@ -53,7 +53,7 @@ fn broken(folder: &Path) -> Vec<PathBuf> {
         ("unknown_key", "samples_per_pixel", "sampels_per_pixel"),
         ("unknown_kind", "kind = \"drop_box\"", "kind = \"dropbox\""),
         ("wrong_type", "scenes = 2", "scenes = \"two\""),
-        ("out_of_range", "samples_per_pixel = 16", "samples_per_pixel = 0"),
+        ("out_of_range", "samples_per_pixel = 8", "samples_per_pixel = 0"),
         ("unknown_section", "[views]", "[viewss]"),
         ("missing_scenes", "scenes = 2", ""),
     ];
