@@ -2,7 +2,7 @@
 
 use crate::adapters::{AdapterInfo, Adapters, RayQueries, required_limits};
 use crate::constants::declared;
-use crate::guided::{self, kernels::Kernels as GuidedKernels};
+use crate::guided::kernels::{Kernels as GuidedKernels, source as guided_source};
 use crate::layout::{self, BODY_SIZE, EMITTER_SIZE, NONE, STORAGE_BUFFERS};
 use crate::{planes, trees};
 use bytemuck::Pod;
@@ -660,7 +660,7 @@ impl Device {
     /// Like [`Self::guided`], with machine code that an earlier run kept.
     fn kept_guided(&self, cache: &dyn Cache) -> Arc<GuidedKernels> {
         let make = || {
-            let source = guided::kernels::source();
+            let source = guided_source();
             let kernels = |kept: Option<&_>| GuidedKernels::new(&self.device, &source, kept);
             Arc::new(self.with_kept_code(&source, |key| key, cache, kernels))
         };
