@@ -285,6 +285,7 @@ fn shade(
     if local == 0u {
         let going = atomicLoad(&going_here);
         let shadows = atomicLoad(&shadows_here);
+        // A group adds the rows that its own paths begin, so the sum over all groups is the number of rows.
         var going_rows = 0u;
         var rows = 0u;
         if going > 0u {
@@ -634,7 +635,7 @@ fn write_sum(number: u32, entry: u32, value: f32) {
 @compute @workgroup_size(GROUP)
 fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     let number = id.x + id.y * ROW;
-    if number == 0u {
+    if number == 0u && !ONLY_GUIDES {
         count_rays();
     }
     if number >= pixel_count() {
@@ -739,10 +740,8 @@ fn add_wide(at: u32, value: u32) {
 // Adds up the rays of the bounces of a pass, and readies the counters for the next one.
 fn count_rays() {
     for (var bounce = 0u; bounce <= view.max_bounces; bounce++) {
-        if !ONLY_GUIDES {
-            add_wide(RAYS_COUNTED, path_count(bounce));
-            add_wide(SHADOWS_COUNTED, atomicLoad(&counters[SHADOW_COUNTERS + bounce]));
-        }
+        add_wide(RAYS_COUNTED, path_count(bounce));
+        add_wide(SHADOWS_COUNTED, atomicLoad(&counters[SHADOW_COUNTERS + bounce]));
         atomicStore(&counters[bounce], 0u);
         atomicStore(&counters[SHADOW_COUNTERS + bounce], 0u);
         atomicStore(&counters[GROUPS + 6u * bounce + 1u], 0u);

@@ -9,6 +9,7 @@ override DEEP: bool = true;
 // Whether windows with bodies of their own lie side by side; whether the opacity of pixels is counted.
 override TILES: bool = false;
 override OPACITY: bool = false;
+// Whether paths gather guides alone, and no light.
 override ONLY_GUIDES: bool = false;
 
 struct View {
