@@ -354,6 +354,14 @@ pub trait ImageSource: Send + Sync {
         let _ = image;
         Vec::new()
     }
+    /// Reads an image and the rules that its records break. A reader whose products and faults come from the same records reads
+    /// these once.
+    ///
+    /// # Errors
+    /// As of [`read`](Self::read).
+    fn read_with_faults(&self, image: usize, wants: &[KeyId]) -> Result<(ReadImage, Vec<DatasetFault>)> {
+        Ok((self.read(image, wants)?, self.image_faults(image)))
+    }
     /// Faults of files that images do not need, such as meshes.
     fn other_faults(&self) -> Vec<DatasetFault> {
         Vec::new()
@@ -518,7 +526,22 @@ impl OpenDataset {
     pub fn image_faults(&self, image: usize) -> Vec<DatasetFault> {
         let found = guarded(&self.reader, &self.root, || Ok(self.opened.source.image_faults(image)));
         let found = found.unwrap_or_else(|error| vec![DatasetFault::new(rule::READABLE, error.to_string())]);
-        found.into_iter().map(|fault| DatasetFault { image: Some(image), ..fault }).collect()
+        of_image(image, found)
+    }
+
+    /// As [`read`](Self::read) and then [`image_faults`](Self::image_faults), in less time.
+    ///
+    /// # Errors
+    /// If a file or record cannot be read; the message names it.
+    pub fn read_with_faults(&self, image: usize, wants: &[KeyId]) -> Result<(ReadImage, Vec<DatasetFault>)> {
+        match guarded(&self.reader, &self.root, || self.opened.source.read_with_faults(image, wants)) {
+            Ok((read, found)) => match outage(&self.mirrors) {
+                Some(error) => Err(error),
+                None => Ok((read, of_image(image, found))),
+            },
+            // An image whose faults alone make the reader panic is readable.
+            Err(_) => self.read(image, wants).map(|read| (read, self.image_faults(image))),
+        }
     }
 
     /// Faults of the dataset beyond single images. The first call may read many files; [`Opened::faults`] has the
@@ -563,6 +586,11 @@ impl OpenDataset {
     fn lacks<T>(&self, reads: &[KeyId], of: impl Fn(&Lack) -> Option<T>) -> Vec<T> {
         self.notes.iter().filter(|note| note.concerns(reads)).filter_map(|note| of(&note.lack)).collect()
     }
+}
+
+/// Faults that name their image.
+fn of_image(image: usize, faults: Vec<DatasetFault>) -> Vec<DatasetFault> {
+    faults.into_iter().map(|fault| DatasetFault { image: Some(image), ..fault }).collect()
 }
 
 impl Deref for OpenDataset {

@@ -2,10 +2,11 @@
 
 use crate::Extra;
 use crate::segmentation::Segmentation;
-use serde::de::{Error as _, Unexpected, Visitor};
+use serde::de::{Error as _, MapAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value as Json;
 use std::fmt;
+use std::marker::PhantomData;
 use syntable_model::stage::DatasetInfo;
 
 /// Name and origin of a dataset. Reading refuses nothing: a missing field or a field of another type is empty, a number becomes
@@ -143,33 +144,113 @@ impl CocoImage {
 }
 
 /// An object in an image, with the fields `E` of a format.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CocoAnnotation<E = Extra> {
     /// Unique in the file.
-    #[serde(deserialize_with = "id")]
     pub id: u64,
     /// The image's id.
-    #[serde(deserialize_with = "id")]
     pub image_id: u64,
     /// The category's id.
-    #[serde(deserialize_with = "id")]
     pub category_id: u64,
     /// The mask; missing in files of boxes.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub segmentation: Option<Segmentation>,
     /// Area of the mask, px². Evaluation sorts objects into small, medium and large by it. Some tools do not write it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub area: Option<f64>,
     /// `[x, y, width, height]`, px; (0, 0) is the top left corner of the image. Some tools do not write it beside a mask.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub bbox: Option<[f64; 4]>,
     /// 1 for a crowd of objects, which evaluation ignores; 0 for a single object. Read from numbers and booleans;
     /// `null` is 0.
-    #[serde(default, deserialize_with = "flag")]
     pub iscrowd: u8,
     /// Fields beyond these.
     #[serde(flatten)]
     pub extra: E,
+}
+
+/// The fields of annotations that COCO does not have, read one by one: with `flatten`, all of them would be held in memory as
+/// trees before any of them is read.
+pub trait FurtherFields: Default {
+    /// Reads the value of a field.
+    ///
+    /// # Errors
+    /// If the annotation has the field twice, or its value is no JSON.
+    fn read<'de, A: MapAccess<'de>>(&mut self, name: String, fields: &mut A) -> Result<(), A::Error>;
+}
+
+impl FurtherFields for Extra {
+    fn read<'de, A: MapAccess<'de>>(&mut self, name: String, fields: &mut A) -> Result<(), A::Error> {
+        self.insert(name, fields.next_value()?);
+        Ok(())
+    }
+}
+
+impl<'de, E: FurtherFields> Deserialize<'de> for CocoAnnotation<E> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(AnnotationVisitor(PhantomData))
+    }
+}
+
+struct AnnotationVisitor<E>(PhantomData<E>);
+
+/// A value of a field that must not occur twice.
+fn once<'de, T: Deserialize<'de>, A: MapAccess<'de>>(
+    known: &mut Option<T>,
+    name: &'static str,
+    fields: &mut A,
+) -> Result<(), A::Error> {
+    match known.replace(fields.next_value()?) {
+        None => Ok(()),
+        Some(_) => Err(A::Error::duplicate_field(name)),
+    }
+}
+
+/// An id, see [`id`].
+#[derive(Deserialize)]
+#[serde(transparent)]
+struct ReadId(#[serde(deserialize_with = "id")] u64);
+
+/// A flag, see [`flag`].
+#[derive(Deserialize)]
+#[serde(transparent)]
+struct ReadFlag(#[serde(deserialize_with = "flag")] u8);
+
+impl<'de, E: FurtherFields> Visitor<'de> for AnnotationVisitor<E> {
+    type Value = CocoAnnotation<E>;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("struct CocoAnnotation")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut fields: A) -> Result<Self::Value, A::Error> {
+        let [mut id, mut image, mut category]: [Option<ReadId>; 3] = Default::default();
+        let (mut segmentation, mut area, mut bbox, mut iscrowd) = (None, None, None, None::<ReadFlag>);
+        let mut extra = E::default();
+        while let Some(name) = fields.next_key::<String>()? {
+            match name.as_str() {
+                "id" => once(&mut id, "id", &mut fields)?,
+                "image_id" => once(&mut image, "image_id", &mut fields)?,
+                "category_id" => once(&mut category, "category_id", &mut fields)?,
+                "segmentation" => once(&mut segmentation, "segmentation", &mut fields)?,
+                "area" => once(&mut area, "area", &mut fields)?,
+                "bbox" => once(&mut bbox, "bbox", &mut fields)?,
+                "iscrowd" => once(&mut iscrowd, "iscrowd", &mut fields)?,
+                _ => extra.read(name, &mut fields)?,
+            }
+        }
+        let needed = |id: Option<ReadId>, name| id.map(|id| id.0).ok_or_else(|| A::Error::missing_field(name));
+        Ok(CocoAnnotation {
+            id: needed(id, "id")?,
+            image_id: needed(image, "image_id")?,
+            category_id: needed(category, "category_id")?,
+            segmentation: segmentation.flatten(),
+            area: area.flatten(),
+            bbox: bbox.flatten(),
+            iscrowd: iscrowd.map_or(0, |flag| flag.0),
+            extra,
+        })
+    }
 }
 
 /// An id. Some tools write whole numbers as floats, such as `1.0`.

@@ -2,16 +2,19 @@
 //!
 //! A file is read once from end to end, record by record, and then again image by image. Memory therefore holds eight
 //! bytes per record, plus the data that a reader keeps, whatever the size of the file.
+//!
+//! The parser reads sections byte by byte from a [`Window`] of the file, except for records: these are parsed as slices of
+//! the window, which takes a third of the time. Only the parser of a wrong record tracks fields, for the error.
 
 use crate::coco::{Category, CocoInfo};
-use crate::json::{CountingReader, before, located};
-use serde::de::{
-    DeserializeOwned, DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor,
-};
-use std::cell::Cell;
+use crate::json::{before, located, place_in};
+use crate::window::{Window, WindowReader};
+use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, Visitor};
+use std::cell::RefCell;
 use std::fmt;
-use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::marker::PhantomData;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
 use syntable_model::files::replacement;
@@ -86,16 +89,15 @@ impl Indexed {
     {
         let path = path.as_ref();
         let fail = |error: io::Error| Error::io(path, &error);
-        let mut file = BufReader::new(DatasetFile::open(path).map_err(fail)?);
-        let (at, until) = (Cell::new(0), Cell::new(u64::MAX));
-        let start = file.fill_buf().map_err(fail)?;
-        if let Some(error) = replacement(start) {
+        let mut window = Window::new(DatasetFile::open(path).map_err(fail)?);
+        window.fill(1).map_err(fail)?;
+        if let Some(error) = replacement(window.rest()) {
             return Err(error.in_file(path));
         }
-        if start.starts_with(&MARK) {
-            file.consume(MARK.len());
-            at.set(MARK.len() as u64);
+        if window.rest().starts_with(&MARK) {
+            window.consume(MARK.len());
         }
+        let (window, failure, taken) = (RefCell::new(window), RefCell::new(None), RefCell::default());
         let mut index = Self {
             path: path.to_owned(),
             info: CocoInfo::default(),
@@ -103,17 +105,17 @@ impl Indexed {
             unread: Vec::new(),
             ends: Default::default(),
         };
-        let mut json = serde_json::Deserializer::from_reader(CountingReader { from: file, at: &at, until: &until });
+        let mut json = serde_json::Deserializer::from_reader(WindowReader(&window));
         let mut track = serde_path_to_error::Track::new();
-        let whole = FileSeed { at: &at, until: &until, index: &mut index, each };
-        let fail = |error: serde_json::Error, field: Option<String>| match error.io_error_kind() {
-            Some(io::ErrorKind::FileTooLarge) => {
-                let place = field.map_or(String::new(), |field| format!("`{field}`: "));
-                let what = format!("{place}a record has more than the limit of {} bytes", RECORD_BYTES.most);
-                Error::new(what).help(RECORD_BYTES.remedy).at_line(error.line()).in_file(path)
+        let whole = FileSeed { window: &window, failure: &failure, taken: &taken, index: &mut index, each };
+        let fail = |error: serde_json::Error, field: Option<String>| match (failure.take(), error.io_error_kind()) {
+            (Some(failure), _) => failure.in_file(path),
+            (None, Some(kind)) if kind != io::ErrorKind::UnexpectedEof => Error::io(path, &error.into()),
+            _ => {
+                let text = text_from(path, before(window.borrow().at()));
+                let unseen: usize = taken.borrow().iter().map(|bytes| line_breaks(path, bytes)).sum();
+                located(&error, field.as_deref(), &text).at_line(error.line() + unseen).in_file(path)
             }
-            Some(kind) if kind != io::ErrorKind::UnexpectedEof => Error::io(path, &error.into()),
-            _ => located(&error, field.as_deref(), &text_from(path, before(at.get()))).in_file(path),
         };
         let read = whole.deserialize(serde_path_to_error::Deserializer::new(&mut json, &mut track));
         if let Err(error) = read {
@@ -167,8 +169,9 @@ impl Indexed {
     fn record<T: DeserializeOwned>(&self, section: RecordSection, number: usize, bytes: &[u8]) -> Result<T> {
         let is_before = |byte: &u8| byte.is_ascii_whitespace() || *byte == b',';
         let start = bytes.iter().position(|byte| !is_before(byte)).unwrap_or(bytes.len());
-        let mut json = serde_json::Deserializer::from_slice(&bytes[start..]);
-        serde_path_to_error::deserialize(&mut json).map_err(|error| {
+        let json = || serde_json::Deserializer::from_slice(&bytes[start..]);
+        // Only an error needs the field, and tracking fields takes time.
+        T::deserialize(&mut json()).or_else(|_| serde_path_to_error::deserialize(&mut json())).map_err(|error| {
             let path = error.path().to_string();
             let field = if path == "." { String::new() } else { format!(".{path}") };
             Error::new(format!("`{}[{number}]{field}`: {}", section.name(), error.inner()))
@@ -188,11 +191,22 @@ fn text_from(path: &Path, place: u64) -> Vec<u8> {
     read.map_or_else(|_| Vec::new(), |_| text)
 }
 
+/// Number of line breaks in a part of a file, for an error; 0 if it cannot be read.
+fn line_breaks(path: &Path, bytes: &Range<u64>) -> usize {
+    let opened = DatasetFile::open(path).and_then(|mut file| {
+        file.seek(SeekFrom::Start(bytes.start))?;
+        Ok(BufReader::new(file.take(bytes.end - bytes.start)).bytes())
+    });
+    opened.map_or(0, |bytes| bytes.map_while(io::Result::ok).filter(|byte| *byte == b'\n').count())
+}
+
 /// Reads a file: an object with sections.
 struct FileSeed<'w, I, A, S> {
-    at: &'w Cell<u64>,
-    /// Offset where the parser must stop.
-    until: &'w Cell<u64>,
+    window: &'w RefCell<Window>,
+    /// The error of a record, which the parser does not know.
+    failure: &'w RefCell<Option<Error>>,
+    /// The bytes that the parser has not seen, since records were read from them.
+    taken: &'w RefCell<Vec<Range<u64>>>,
     index: &'w mut Indexed,
     each: &'w mut dyn FnMut(IndexedRecord<I, A, S>),
 }
@@ -223,7 +237,8 @@ where
     }
 
     fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<(), M::Error> {
-        let Self { at, until, index, each } = self;
+        let Self { window, failure, taken, index, each } = self;
+        let path = index.path.clone();
         while let Some(key) = map.next_key::<String>()? {
             let Some(section) = RecordSection::ALL.into_iter().find(|section| section.name() == key) else {
                 match key.as_str() {
@@ -242,15 +257,16 @@ where
             if !ends.is_empty() {
                 return Err(M::Error::duplicate_field(section.name()));
             }
+            let of = SectionSource { path: &path, section, window, failure, taken };
             match section {
                 RecordSection::Images => {
-                    map.next_value_seed(ListSeed::of([at, until], ends, |it| each(IndexedRecord::Image(it))))?
+                    map.next_value_seed(ListSeed::of(of, ends, |it| each(IndexedRecord::Image(it))))?
                 }
                 RecordSection::Annotations => {
-                    map.next_value_seed(ListSeed::of([at, until], ends, |it| each(IndexedRecord::Annotation(it))))?
+                    map.next_value_seed(ListSeed::of(of, ends, |it| each(IndexedRecord::Annotation(it))))?
                 }
                 RecordSection::Scenes => {
-                    map.next_value_seed(ListSeed::of([at, until], ends, |it| each(IndexedRecord::Scene(it))))?
+                    map.next_value_seed(ListSeed::of(of, ends, |it| each(IndexedRecord::Scene(it))))?
                 }
             }
         }
@@ -262,46 +278,147 @@ where
     }
 }
 
+/// Where the records of a section are read, and where their error goes.
+#[derive(Clone, Copy)]
+struct SectionSource<'l> {
+    path: &'l Path,
+    section: RecordSection,
+    window: &'l RefCell<Window>,
+    failure: &'l RefCell<Option<Error>>,
+    taken: &'l RefCell<Vec<Range<u64>>>,
+}
+
 /// Reads a list of records, and the offset where each ends.
 struct ListSeed<'l, T, F> {
-    at: &'l Cell<u64>,
-    until: &'l Cell<u64>,
+    from: SectionSource<'l>,
     ends: &'l mut Vec<u64>,
     each: F,
     of: PhantomData<T>,
 }
 
-impl<'l, T, F: FnMut(T)> ListSeed<'l, T, F> {
-    fn of([at, until]: [&'l Cell<u64>; 2], ends: &'l mut Vec<u64>, each: F) -> Self {
-        Self { at, until, ends, each, of: PhantomData }
+impl<'l, T: DeserializeOwned, F: FnMut(T)> ListSeed<'l, T, F> {
+    fn of(from: SectionSource<'l>, ends: &'l mut Vec<u64>, each: F) -> Self {
+        Self { from, ends, each, of: PhantomData }
+    }
+
+    /// Reads the list after its bracket.
+    fn read(&mut self, window: &mut Window) -> Result<()> {
+        self.ends.push(window.at());
+        loop {
+            let most = RECORD_BYTES.most as usize;
+            let is_first = self.ends.len() == 1;
+            let start = window.at();
+            let mut next = window.next_byte().map_err(|error| self.unreadable(&error))?;
+            if !is_first && next == Some(b',') {
+                window.consume(1);
+                next = window.next_byte().map_err(|error| self.unreadable(&error))?;
+                if next == Some(b']') {
+                    return Err(self.misplaced(window, "trailing comma"));
+                }
+            } else if !is_first && next.is_some_and(|byte| byte != b']') {
+                return Err(self.misplaced(window, "expected `,` or `]`"));
+            }
+            match next {
+                None => return Err(self.misplaced(window, "EOF while parsing a list")),
+                Some(b']') => {
+                    window.consume(1);
+                    return Ok(());
+                }
+                Some(_) => {}
+            }
+            let before = (window.at() - start) as usize;
+            let record = self.record(window, most.saturating_sub(before).max(1))?;
+            self.ends.push(window.at());
+            (self.each)(record);
+        }
+    }
+
+    /// Reads a record of at most `most` bytes.
+    fn record(&self, window: &mut Window, most: usize) -> Result<T> {
+        loop {
+            let text = window.up_to(most);
+            let mut records = serde_json::Deserializer::from_slice(text).into_iter();
+            let (read, length) = (records.next(), records.byte_offset());
+            let has_all = window.is_at_end() || text.len() == most;
+            match read {
+                // A number at the end of the window may go on behind it.
+                Some(Ok(record)) if has_all || length < text.len() => {
+                    window.consume(length);
+                    return Ok(record);
+                }
+                Some(Err(error)) if has_all => return Err(self.wrong(window, text, &error)),
+                _ => {
+                    let count = 2 * text.len().max(1);
+                    window.fill(count.min(most)).map_err(|error| self.unreadable(&error))?;
+                }
+            }
+        }
+    }
+
+    fn unreadable(&self, error: &io::Error) -> Error {
+        Error::io(self.from.path, error)
+    }
+
+    fn line_at(&self, place: u64) -> usize {
+        1 + line_breaks(self.from.path, &(0..place))
+    }
+
+    /// The error of the next byte of a list.
+    fn misplaced(&self, window: &Window, what: &str) -> Error {
+        let line = self.line_at(window.at());
+        Error::new(format!("`{}`: {what}", self.from.section.name())).at_line(line)
+    }
+
+    /// The error of a record at the start of a text, with its line and field.
+    fn wrong(&self, window: &Window, text: &[u8], error: &serde_json::Error) -> Error {
+        let mut json = serde_json::Deserializer::from_slice(text);
+        let path = serde_path_to_error::deserialize::<_, T>(&mut json).err().map(|error| error.path().to_string());
+        let inner = path.filter(|path| path != ".").unwrap_or_default();
+        let dot = if inner.is_empty() || inner.starts_with('[') { "" } else { "." };
+        let field = format!("{}[{}]{dot}{inner}", self.from.section.name(), self.ends.len() - 1);
+        let place = place_in(text, error);
+        let line = self.line_at(window.at() + place as u64);
+        if error.is_eof() && !window.is_at_end() {
+            let what = format!("`{field}`: a record has more than the limit of {} bytes", RECORD_BYTES.most);
+            return Error::new(what).help(RECORD_BYTES.remedy).at_line(line);
+        }
+        located(error, Some(&field), &text[before(place as u64) as usize..]).at_line(line)
     }
 }
 
 impl<'de, T: DeserializeOwned, F: FnMut(T)> DeserializeSeed<'de> for ListSeed<'_, T, F> {
     type Value = ();
 
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
-        deserializer.deserialize_seq(self)
+    fn deserialize<D: Deserializer<'de>>(mut self, deserializer: D) -> Result<(), D::Error> {
+        let SectionSource { window, failure, taken, .. } = self.from;
+        let mut list = window.borrow_mut();
+        let start = list.at();
+        let read = match list.next_byte() {
+            Ok(Some(b'[')) => {
+                list.consume(1);
+                self.read(&mut list)
+            }
+            // The parser, which has read no byte of the value, knows the error.
+            Ok(_) => {
+                taken.borrow_mut().push(start..list.at());
+                drop(list);
+                return deserializer.deserialize_seq(self);
+            }
+            Err(error) => Err(self.unreadable(&error)),
+        };
+        taken.borrow_mut().push(start..list.at());
+        read.map_err(|error| {
+            let text = error.message().to_owned();
+            failure.replace(Some(error));
+            D::Error::custom(text)
+        })
     }
 }
 
-impl<'de, T: DeserializeOwned, F: FnMut(T)> Visitor<'de> for ListSeed<'_, T, F> {
+impl<'de, T, F> Visitor<'de> for ListSeed<'_, T, F> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str("a list of records")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(mut self, mut list: A) -> Result<(), A::Error> {
-        let bound = || self.until.set(self.at.get().saturating_add(RECORD_BYTES.most));
-        self.ends.push(self.at.get());
-        bound();
-        while let Some(record) = list.next_element()? {
-            self.ends.push(self.at.get());
-            (self.each)(record);
-            bound();
-        }
-        self.until.set(u64::MAX);
-        Ok(())
     }
 }

@@ -1,13 +1,15 @@
 //! Values as JSON, and readable messages for errors of JSON's parser.
 
-use serde::de::DeserializeOwned;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::de::value::{MapDeserializer, SeqDeserializer};
+use serde::de::{DeserializeOwned, Error as _, IntoDeserializer, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, forward_to_deserialize_any};
 use serde_json::Value as Json;
 use serde_json::error::Category;
+use serde_json::value::RawValue;
 use std::cell::Cell;
 use std::io::{self, Read};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::Products;
+use syntable_model::product::{Products, Value};
 
 /// Words that Python's `json` writes for floats that JSON cannot represent.
 const NO_NUMBERS: [&str; 3] = ["NaN", "-Infinity", "Infinity"];
@@ -66,6 +68,62 @@ pub fn or_default<'de, D: Deserializer<'de>, T: Deserialize<'de> + Default>(
     Option::deserialize(deserializer).map(Option::unwrap_or_default)
 }
 
+/// A record product as a type with the fields that the caller reads, as by [`typed`].
+///
+/// # Errors
+/// If the fields differ.
+pub fn of_record<T: DeserializeOwned>(value: &Value) -> serde_json::Result<T> {
+    T::deserialize(ValueDeserializer(value)).or_else(|_| typed(value))
+}
+
+/// Reads a value without a tree of JSON. Its errors are not shown.
+struct ValueDeserializer<'de>(&'de Value);
+
+impl<'de> IntoDeserializer<'de> for ValueDeserializer<'de> {
+    type Deserializer = Self;
+
+    fn into_deserializer(self) -> Self {
+        self
+    }
+}
+
+impl<'de> Deserializer<'de> for ValueDeserializer<'de> {
+    type Error = serde::de::value::Error;
+
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> std::result::Result<V::Value, Self::Error> {
+        match self.0 {
+            Value::Null => visitor.visit_unit(),
+            Value::Bool(value) => visitor.visit_bool(*value),
+            Value::Int(value) => visitor.visit_i64(*value),
+            Value::Uint(value) => visitor.visit_u64(*value),
+            Value::Float(value) if value.is_finite() => visitor.visit_f64(*value),
+            Value::Float(_) => visitor.visit_unit(),
+            Value::Text(value) => visitor.visit_borrowed_str(value),
+            Value::List(values) => visitor.visit_seq(SeqDeserializer::new(values.iter().map(Self))),
+            Value::Record(fields) => {
+                let fields = fields.iter().map(|(name, value)| (name.as_str(), Self(value)));
+                visitor.visit_map(MapDeserializer::new(fields))
+            }
+            Value::Bytes(_) | Value::Tensor(_) | Value::Mask(_) | Value::PerInstance(_) => {
+                Err(Self::Error::custom("its JSON has another form"))
+            }
+        }
+    }
+
+    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> std::result::Result<V::Value, Self::Error> {
+        match self.0 {
+            Value::Null => visitor.visit_none(),
+            Value::Float(value) if !value.is_finite() => visitor.visit_none(),
+            _ => visitor.visit_some(self),
+        }
+    }
+
+    forward_to_deserialize_any! {
+        bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf unit unit_struct
+        newtype_struct seq tuple tuple_struct map struct enum identifier ignored_any
+    }
+}
+
 /// An error of the parser with its line and field. `from` is the text from the offset of [`before`] on; it may be empty
 /// if unknown.
 pub fn located(error: &serde_json::Error, field: Option<&str>, from: &[u8]) -> Error {
@@ -81,6 +139,27 @@ pub fn located(error: &serde_json::Error, field: Option<&str>, from: &[u8]) -> E
 /// Offset of the text for [`located`], given the number of bytes that the parser has read.
 pub fn before(taken: u64) -> u64 {
     taken.saturating_sub(BEFORE)
+}
+
+/// Offset in a text of an error of its parser.
+pub(crate) fn place_in(text: &[u8], error: &serde_json::Error) -> usize {
+    let lines = text.split_inclusive(|byte| *byte == b'\n').take(error.line().saturating_sub(1));
+    (lines.map(<[u8]>::len).sum::<usize>() + error.column()).min(text.len())
+}
+
+/// The error of a parser without its place, as an error of the parser around it.
+fn passed_on<E: serde::de::Error>(error: &serde_json::Error) -> E {
+    let text = error.to_string();
+    let place = format!(" at line {} column {}", error.line(), error.column());
+    E::custom(text.strip_suffix(&place).unwrap_or(&text))
+}
+
+/// The tree of a text of JSON, which an error of [`typed`] needs: it names no place in the text.
+///
+/// # Errors
+/// If the text is no JSON.
+pub fn tree<E: serde::de::Error>(text: &RawValue) -> std::result::Result<Json, E> {
+    serde_json::from_str(text.get()).map_err(|error| passed_on(&error))
 }
 
 /// The word in [`NO_NUMBERS`] that starts within the first bytes of the text, where the parser may have stopped.

@@ -60,6 +60,7 @@ pub mod shard;
 pub mod structure;
 pub mod syntable;
 pub mod unkept;
+mod window;
 pub mod writer;
 
 /// Fields that a type does not know, in the order of the file.

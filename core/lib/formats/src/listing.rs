@@ -262,7 +262,7 @@ impl ImageRecord for syntable::SynTableImage {
     }
 }
 
-impl<E: DeserializeOwned> AnnotationRecord for coco::CocoAnnotation<E> {
+impl<E: coco::FurtherFields> AnnotationRecord for coco::CocoAnnotation<E> {
     fn link(&self) -> AnnotationLink {
         AnnotationLink { id: self.id, image: self.image_id, category: Some(self.category_id) }
     }

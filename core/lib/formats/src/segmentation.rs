@@ -1,9 +1,10 @@
 //! Masks in JSON, as COCO encodes them.
 
-use crate::polygon;
+use crate::{json, polygon};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value as Json;
+use serde_json::value::RawValue;
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::{IMAGE_PIXELS, OUTLINE_STEPS};
 use syntable_model::product::Mask;
@@ -92,10 +93,27 @@ impl Segmentation {
     }
 }
 
+impl Segmentation {
+    /// Reads the text of a mask without faults; none if it has one, which [`Deserialize`] explains.
+    pub fn of_text(text: &str) -> Option<Self> {
+        match text.as_bytes().first()? {
+            b'[' => serde_json::from_str(text).ok().map(Self::Polygons),
+            _ => {
+                let runs = serde_json::from_str(text).ok().map(Self::Rle);
+                runs.or_else(|| serde_json::from_str(text).ok().map(Self::Uncompressed))
+            }
+        }
+    }
+}
+
 // Errors of derived untagged enums do not name the faulty field.
 impl<'de> Deserialize<'de> for Segmentation {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let value = Json::deserialize(deserializer)?;
+        let text = Box::<RawValue>::deserialize(deserializer)?;
+        if let Some(read) = Self::of_text(text.get()) {
+            return Ok(read);
+        }
+        let value = json::tree(&text)?;
         let read = match &value {
             Json::Array(_) => serde_json::from_value(value).map(Self::Polygons),
             Json::Object(fields) => match fields.get("counts") {

@@ -10,6 +10,7 @@ use syntable_formats::dataset::JsonLayout;
 use syntable_formats::decode;
 use syntable_formats::index::{Indexed, IndexedRecord, RecordSection};
 use syntable_formats::listing::AnnotationListing;
+use syntable_model::error::{Error, Place};
 use syntable_model::random::Stream;
 use syntable_testing::tools::python_with;
 
@@ -122,6 +123,89 @@ fn mistakes_are_where_the_whole_file_has_them() {
     assert!(error.to_string().contains("EOF while parsing") && !error.is_io(), "{error}");
     let missing = Indexed::open(folder.path().join("b"), &mut |_: IndexedRecord<CocoImage, CocoAnnotation, Json>| {});
     assert!(missing.expect_err("missing").is_io());
+}
+
+/// Records of all lengths, up to several times the part of a file that is read at once.
+#[test]
+fn long_records_match_the_whole_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.json");
+    let mut stream = Stream::root(3);
+    for round in 0..12_u64 {
+        let lengths = [40, 4_000, 400_000, 1 << 18].map(|length| length + round as usize);
+        let annotations: Vec<Json> = (0..40)
+            .map(|i| annotation(i + 1, i % 3 + 1, &"é\\\"x".repeat(lengths[stream.below(4) as usize] / 5)))
+            .collect();
+        let images: Vec<Json> =
+            (1..4).map(|id| json!({ "id": id, "file_name": format!("{id}.png"), "width": 4, "height": 3 })).collect();
+        let json = json!({ "images": images, "categories": [], "annotations": annotations });
+        fs::write(&path, json.to_string()).expect("writable");
+        let whole = CocoDataset::read(&path).expect("reads");
+        let mut read = Vec::new();
+        let index = Indexed::open(&path, &mut |record: IndexedRecord<CocoImage, CocoAnnotation, Json>| {
+            if let IndexedRecord::Annotation(annotation) = record {
+                read.push(annotation);
+            }
+        })
+        .expect("opens");
+        assert!(read == whole.annotations, "round {round}");
+        let numbers: Vec<u32> = (0..40).rev().collect();
+        let records = index.records::<CocoAnnotation>(RecordSection::Annotations, &numbers).expect("reads");
+        assert!(records.into_iter().rev().eq(whole.annotations), "round {round}");
+    }
+}
+
+fn line(error: &Error) -> usize {
+    match error.place() {
+        Some(Place::Line(line)) => line,
+        place => panic!("{place:?} of {error}"),
+    }
+}
+
+/// A byte is changed, removed or added at random.
+#[test]
+fn damage_is_found_where_the_whole_file_has_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.json");
+    let mut stream = Stream::root(4);
+    let mut refused = 0;
+    for (round, text) in files().iter().cycle().take(3_000).enumerate() {
+        let mut bytes = text.clone().into_bytes();
+        let at = stream.below(bytes.len() as u64) as usize;
+        let others = b"{}[],:\"0a-. \n\\";
+        let other = others[stream.below(others.len() as u64) as usize];
+        match stream.below(3) {
+            0 => bytes[at] = other,
+            1 => drop(bytes.remove(at)),
+            _ => bytes.insert(at, other),
+        }
+        fs::write(&path, &bytes).expect("writable");
+        let whole = CocoDataset::read(&path);
+        let indexed = Indexed::open(&path, &mut |_: IndexedRecord<CocoImage, CocoAnnotation, Json>| {});
+        // An index needs no categories, and reads no licenses.
+        let is_unread = |error: &Error| ["categories", "licenses"].iter().any(|it| error.message().contains(it));
+        let text = String::from_utf8_lossy(&bytes);
+        match (whole, indexed) {
+            (Ok(_), Ok(_)) => {}
+            (Err(whole), Ok(_)) if is_unread(&whole) => {}
+            (Err(whole), Err(indexed)) => {
+                refused += 1;
+                let bare = |text: &str| {
+                    let text = text.replace("a sequence", "a list of records");
+                    // An index does not know the fields of other sections.
+                    let is_of_other = ["`info", "`licenses", "`more"].iter().any(|section| text.starts_with(section));
+                    let of_other = text.split_once("`: ").filter(|_| is_of_other);
+                    of_other.map_or_else(|| text.clone(), |(_, what)| what.to_owned())
+                };
+                assert_eq!(bare(indexed.message()), bare(whole.message()), "round {round}: {text}");
+                // The parser of the whole file names the line after a wrong line break.
+                let lines = [&indexed, &whole].map(line);
+                assert!(lines[1] == lines[0] || lines[1] == lines[0] + 1, "round {round}: {lines:?} {whole}: {text}");
+            }
+            (whole, indexed) => panic!("round {round}: {:?} {:?}: {text}", whole.err(), indexed.err()),
+        }
+    }
+    assert!(refused > 1_000, "{refused}");
 }
 
 #[test]

@@ -24,37 +24,49 @@ impl Layer {
     }
 }
 
-/// A directed graph as a matrix. All methods take time in proportion to the square of the number of nodes.
+/// A directed graph. All methods take time in proportion to the numbers of nodes and edges.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Graph {
-    nodes: usize,
-    /// Whether an edge leads from the node of the row to the node of the column.
-    edge: Vec<bool>,
+    /// The nodes to which edges of each node lead, ascending.
+    behind: Vec<Vec<u16>>,
+    /// The nodes from which edges lead to each node, ascending.
+    front: Vec<Vec<u16>>,
     /// The strongly connected component of each node, from front to back.
     strong: Vec<usize>,
 }
 
+/// The edges in the opposite direction, ascending. Edges lead from each node to nodes of a list.
+pub fn reversed(behind: &[Vec<u16>]) -> Vec<Vec<u16>> {
+    let mut front = vec![Vec::new(); behind.len()];
+    for (node, others) in (0..=u16::MAX).zip(behind) {
+        others.iter().for_each(|other| front[usize::from(*other)].push(node));
+    }
+    front
+}
+
 /// The number of each node's strongly connected component. Two nodes are in one component if a path leads from each of
-/// them to the other. An edge never leads to a component with a lower number. Each edge is queried at most twice
-/// (Kosaraju's algorithm).
-pub fn strong_components(nodes: usize, has_edge: impl Fn(usize, usize) -> bool) -> Vec<usize> {
+/// them to the other. An edge never leads to a component with a lower number. `behind` has the nodes to which edges of
+/// each node lead, and `front` the same edges [in the opposite direction](reversed) (Kosaraju's algorithm).
+pub fn strong_components(behind: &[Vec<u16>], front: &[Vec<u16>]) -> Vec<usize> {
+    let nodes = behind.len();
     // Nodes in the order in which the depth-first search leaves them.
     let mut left = Vec::with_capacity(nodes);
     let mut is_found = vec![false; nodes];
     for start in 0..nodes {
         let mut path = Vec::new();
         if !std::mem::replace(&mut is_found[start], true) {
-            path.push((start, 0));
+            path.push((start, behind[start].iter()));
         }
-        while let Some((node, next)) = path.last_mut() {
-            let behind = (*next..nodes).find(|&other| !is_found[other] && has_edge(*node, other));
-            *next = behind.map_or(nodes, |other| other + 1);
-            match behind {
+        while let Some((node, others)) = path.last_mut() {
+            match others.map(|other| usize::from(*other)).find(|other| !is_found[*other]) {
                 Some(other) => {
                     is_found[other] = true;
-                    path.push((other, 0));
+                    path.push((other, behind[other].iter()));
                 }
-                None => left.extend(path.pop().map(|(node, _)| node)),
+                None => {
+                    left.push(*node);
+                    path.pop();
+                }
             }
         }
     }
@@ -66,9 +78,9 @@ pub fn strong_components(nodes: usize, has_edge: impl Fn(usize, usize) -> bool) 
         of[start] = count;
         let mut open = vec![start];
         while let Some(node) = open.pop() {
-            for (other, component) in of.iter_mut().enumerate() {
-                if *component == usize::MAX && has_edge(other, node) {
-                    *component = count;
+            for other in front[node].iter().map(|other| usize::from(*other)) {
+                if of[other] == usize::MAX {
+                    of[other] = count;
                     open.push(other);
                 }
             }
@@ -81,35 +93,37 @@ pub fn strong_components(nodes: usize, has_edge: impl Fn(usize, usize) -> bool) 
 impl Graph {
     /// The graph of an occlusion order: node `i` is the instance of row `i`.
     pub fn new(order: &OcclusionOrder) -> Self {
-        let (nodes, edge) = (order.ids().len(), order.matrix().to_vec());
-        let strong = strong_components(nodes, |i, j| edge[i * nodes + j]);
-        Self { nodes, edge, strong }
+        let behind: Vec<Vec<u16>> =
+            (0..order.ids().len()).map(|node| order.behind(node).map(|other| other as u16).collect()).collect();
+        let front = reversed(&behind);
+        let strong = strong_components(&behind, &front);
+        Self { behind, front, strong }
     }
 
     /// Whether node `i` occludes node `j`.
     pub fn has_edge(&self, i: usize, j: usize) -> bool {
-        self.edge[i * self.nodes + j]
+        self.behind[i].binary_search(&(j as u16)).is_ok()
     }
 
     /// Pairs of occluder and occludee, row by row.
     pub fn edges(&self) -> impl Iterator<Item = (usize, usize)> {
-        (0..self.nodes).flat_map(move |i| (0..self.nodes).filter(move |&j| self.has_edge(i, j)).map(move |j| (i, j)))
+        self.behind.iter().enumerate().flat_map(|(i, behind)| behind.iter().map(move |j| (i, usize::from(*j))))
     }
 
     /// The layer of a node.
     pub fn layer(&self, node: usize) -> Layer {
-        let is_occluded = (0..self.nodes).any(|i| self.has_edge(i, node));
-        let occludes = (0..self.nodes).any(|j| self.has_edge(node, j));
-        match (is_occluded, occludes) {
-            (false, _) => Layer::Top,
-            (true, true) => Layer::Intermediate,
-            (true, false) => Layer::Bottom,
+        match (self.front[node].is_empty(), self.behind[node].is_empty()) {
+            (true, _) => Layer::Top,
+            (false, false) => Layer::Intermediate,
+            (false, true) => Layer::Bottom,
         }
     }
 
     /// Weakly connected components, each with ascending nodes, by their first nodes.
     pub fn components(&self) -> Vec<Vec<usize>> {
-        grouped(&strong_components(self.nodes, |i, j| self.has_edge(i, j) || self.has_edge(j, i)))
+        let both = self.behind.iter().zip(&self.front).map(|(behind, front)| [&behind[..], front].concat());
+        let both: Vec<Vec<u16>> = both.collect();
+        grouped(&strong_components(&both, &both))
     }
 
     /// Strongly connected components of two nodes or more, each with ascending nodes, by their first nodes.
@@ -126,17 +140,15 @@ impl Graph {
         let mut layer: Vec<usize> = vec![0; members.len()];
         for (component, nodes) in members.iter().enumerate() {
             let own = layer[component];
-            for &node in nodes {
-                for behind in (0..self.nodes).filter(|&other| self.has_edge(node, other)) {
-                    let behind = self.strong[behind];
-                    if behind != component {
-                        layer[behind] = layer[behind].max(own + 1);
-                    }
+            for other in nodes.iter().flat_map(|node| &self.behind[*node]) {
+                let behind = self.strong[usize::from(*other)];
+                if behind != component {
+                    layer[behind] = layer[behind].max(own + 1);
                 }
             }
         }
         let mut layers = vec![Vec::new(); layer.iter().max().map_or(0, |last| last + 1)];
-        (0..self.nodes).for_each(|node| layers[layer[self.strong[node]]].push(node));
+        self.strong.iter().enumerate().for_each(|(node, component)| layers[layer[*component]].push(node));
         layers
     }
 }
@@ -175,7 +187,7 @@ mod tests {
         let sorted = graph(6, &[(0, 1), (1, 2), (0, 2), (3, 4)]);
         let ring = graph(5, &[(0, 1), (1, 2), (2, 0), (2, 3)]);
         let pair = graph(3, &[(0, 1), (1, 0)]);
-        let layers = |graph: &Graph| (0..graph.nodes).map(|node| graph.layer(node)).collect::<Vec<_>>();
+        let layers = |graph: &Graph| (0..graph.behind.len()).map(|node| graph.layer(node)).collect::<Vec<_>>();
         assert_eq!(layers(&sorted), [Top, Intermediate, Bottom, Top, Bottom, Top]);
         assert_eq!(layers(&ring), [Intermediate, Intermediate, Intermediate, Bottom, Top]);
         assert_eq!(layers(&pair), [Intermediate, Intermediate, Top]);
@@ -190,7 +202,7 @@ mod tests {
         assert!(graph(0, &[]).depth_layers().is_empty());
     }
 
-    /// Time grows with the square of the nodes: a chain with all shortcuts and one edge back.
+    /// A chain with all shortcuts and one edge back.
     #[test]
     fn large_graphs_are_taken_apart_in_time() {
         let nodes = 1_500;

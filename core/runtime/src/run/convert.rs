@@ -429,17 +429,16 @@ impl ConversionWalk<'_> {
             }
             self.progress.one_more();
             let of = |error: Error| error.context(self.dataset.images[image].name.clone());
-            let ReadImage { size, mut products, left_out, unread } = match self.dataset.read(image, &self.plan.rendered)
-            {
+            let (read, faults) = match self.dataset.read_with_faults(image, &self.plan.rendered) {
                 Ok(read) => read,
                 Err(error) => {
                     self.unread.lock().insert(image, of(error));
                     continue;
                 }
             };
+            let ReadImage { size, mut products, left_out, unread } = read;
             let cx_of_view = cx.image(self.dataset.images[image].view, size);
             annotate_image(&times, self.losses, self.plan, &cx_of_view, &mut products).map_err(of)?;
-            let faults = self.dataset.image_faults(image);
             self.faults.fetch_add(faults.len() as u32, Ordering::Relaxed);
             let name = &self.dataset.images[image].name;
             let empty =

@@ -1,7 +1,9 @@
 //! Fields of records that other programs may write differently.
 
+use serde::de::{Error as _, MapAccess};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use serde_json::Value as Json;
+use serde_json::value::RawValue;
+use syntable_formats::json;
 
 /// A field that may be missing, or have a value of another type. A wrong type is an error for code that reads the
 /// field, but not for code that opens the file. `null` counts as missing.
@@ -40,6 +42,41 @@ impl<T> LenientField<T> {
     }
 }
 
+impl<T: for<'a> Deserialize<'a>> LenientField<T> {
+    /// Reads the value of this field of a record.
+    ///
+    /// # Errors
+    /// If the record has the field twice, or the value is no JSON.
+    pub fn read<'de, A: MapAccess<'de>>(&mut self, name: &'static str, fields: &mut A) -> Result<(), A::Error> {
+        self.read_by(|text| serde_json::from_str(text).ok(), name, fields)
+    }
+
+    /// As [`read`](Self::read), by a function that reads values without faults.
+    pub fn read_by<'de, A: MapAccess<'de>>(
+        &mut self,
+        of_text: impl Fn(&str) -> Option<T>,
+        name: &'static str,
+        fields: &mut A,
+    ) -> Result<(), A::Error> {
+        let text: Box<RawValue> = fields.next_value()?;
+        match std::mem::replace(self, Self::of_text(&text, of_text)?) {
+            Self::Missing => Ok(()),
+            _ => Err(A::Error::duplicate_field(name)),
+        }
+    }
+
+    fn of_text<E: serde::de::Error>(text: &RawValue, of_text: impl Fn(&str) -> Option<T>) -> Result<Self, E> {
+        if text.get() == "null" {
+            return Ok(Self::Missing);
+        }
+        if let Some(value) = of_text(text.get()) {
+            return Ok(Self::Is(value));
+        }
+        let read = serde_json::from_value(json::tree(text)?);
+        Ok(read.map_or_else(|error| Self::Other(error.to_string()), Self::Is))
+    }
+}
+
 impl<T> From<T> for LenientField<T> {
     fn from(value: T) -> Self {
         Self::Is(value)
@@ -48,11 +85,8 @@ impl<T> From<T> for LenientField<T> {
 
 impl<'de, T: for<'a> Deserialize<'a>> Deserialize<'de> for LenientField<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let json = Json::deserialize(deserializer)?;
-        Ok(match json.is_null() {
-            true => Self::Missing,
-            false => serde_json::from_value(json).map_or_else(|error| Self::Other(error.to_string()), Self::Is),
-        })
+        let text = Box::<RawValue>::deserialize(deserializer)?;
+        Self::of_text(&text, |text| serde_json::from_str(text).ok())
     }
 }
 

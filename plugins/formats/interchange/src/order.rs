@@ -2,10 +2,11 @@
 
 use crate::labels::ShownLabel;
 use std::cell::OnceCell;
+use std::collections::BTreeSet;
 use syntable_formats::read::{occludes, order_by};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, OCCLUSION_ORDER};
-use syntable_model::product::{OcclusionOrder, strong_components};
+use syntable_model::product::{OcclusionOrder, reversed, strong_components};
 
 /// The products that [`ObjectOrder`] reads. Without depth, ids decide the order.
 pub fn inputs() -> [Input; 2] {
@@ -42,7 +43,10 @@ impl VisibleDepth {
 
 /// The occlusion order of some objects of a view, by index.
 pub struct ObjectOrder {
-    occludes: Vec<Vec<bool>>,
+    /// The objects that each object occludes, ascending.
+    behind: Vec<Vec<u16>>,
+    /// The objects that occlude each object, ascending.
+    front: Vec<Vec<u16>>,
     /// Depths of the objects.
     pub depths: Vec<VisibleDepth>,
     /// The strongly connected component of each object, from front to back, computed at its first use.
@@ -50,29 +54,32 @@ pub struct ObjectOrder {
 }
 
 impl ObjectOrder {
-    fn new(occludes: Vec<Vec<bool>>, depths: Vec<VisibleDepth>) -> Self {
-        Self { occludes, depths, circles: OnceCell::new() }
+    fn new(behind: Vec<Vec<u16>>, depths: Vec<VisibleDepth>) -> Self {
+        Self { front: reversed(&behind), behind, depths, circles: OnceCell::new() }
     }
 
     /// The order of the objects with these labels.
     pub fn of(products: &Products, labels: &[ShownLabel]) -> Result<Self> {
         let (order, depth) = (products.get(OCCLUSION_ORDER)?, products.optional(DEPTH)?);
         let rows = labels.iter().map(|label| row(order, label.id)).collect::<Result<Vec<usize>>>()?;
-        let occludes = rows.iter().map(|&i| rows.iter().map(|&j| order.occludes(i, j)).collect()).collect();
+        let mut objects = vec![None; order.ids().len()];
+        (0..=u16::MAX).zip(&rows).for_each(|(object, row)| objects[*row] = Some(object));
+        // Labels are in the order of their ids, as rows are.
+        let behind = rows.iter().map(|row| order.behind(*row).filter_map(|other| objects[other]).collect());
+        let behind = behind.collect();
         let depths = labels
             .iter()
             .map(|label| depth.map_or(VisibleDepth::UNKNOWN, |depth| VisibleDepth::of(depth, label.visible)))
             .collect();
-        Ok(Self::new(occludes, depths))
+        Ok(Self::new(behind, depths))
     }
 
     /// The order of objects by their visible and hidden masks, without depths.
     pub fn of_masks(masks: &[[&Mask; 2]]) -> Self {
         let objects = (0..).map(InstanceId).zip(masks).map(|(id, [seen, hidden])| (id, *seen, Some(*hidden)));
         let order = order_by(&objects.collect::<Vec<_>>(), occludes);
-        let all = 0..masks.len();
-        let occludes = all.clone().map(|i| all.clone().map(|j| order.occludes(i, j)).collect()).collect();
-        Self::new(occludes, vec![VisibleDepth::UNKNOWN; masks.len()])
+        let behind = (0..masks.len()).map(|i| order.behind(i).map(|j| j as u16).collect()).collect();
+        Self::new(behind, vec![VisibleDepth::UNKNOWN; masks.len()])
     }
 
     /// Whether object `i` occludes object `j`, and `j` does not occlude `i`, directly or through others.
@@ -83,7 +90,7 @@ impl ObjectOrder {
     /// The strongly connected component of each object. The objects of a component occlude each other, directly or
     /// through others.
     fn circles(&self) -> &[usize] {
-        self.circles.get_or_init(|| strong_components(self.depths.len(), |i, j| self.occludes(i, j)))
+        self.circles.get_or_init(|| strong_components(&self.behind, &self.front))
     }
 
     /// Number of objects in the longest chain of occluders in front of each object; none if a cycle in front of the
@@ -100,7 +107,7 @@ impl ObjectOrder {
             if sizes[circles[i]] > 1 {
                 layers[i] = None;
             }
-            for j in (0..circles.len()).filter(|&j| self.occludes(i, j) && circles[j] != circles[i]) {
+            for j in self.behind(i).filter(|&j| circles[j] != circles[i]) {
                 layers[j] = layers[i].zip(layers[j]).map(|(front, layer)| layer.max(front + 1));
             }
         }
@@ -109,53 +116,81 @@ impl ObjectOrder {
 
     /// Whether object `i` hides a part of object `j`.
     pub fn occludes(&self, i: usize, j: usize) -> bool {
-        self.occludes[i][j]
+        self.behind[i].binary_search(&(j as u16)).is_ok()
+    }
+
+    /// The objects that object `i` occludes, ascending.
+    pub fn behind(&self, i: usize) -> impl Iterator<Item = usize> {
+        self.behind[i].iter().map(|j| usize::from(*j))
     }
 
     /// The objects from front to back: each object follows all its occluders. Whenever several objects have no
     /// remaining occluder, the nearest comes first. Where objects occlude each other, directly or in a cycle, the
     /// object with the nearest visible pixel comes first.
     pub fn front_to_back(&self) -> Vec<usize> {
-        let mut rest: Vec<usize> = (0..self.depths.len()).collect();
-        let mut sorted = Vec::with_capacity(rest.len());
-        let hides = |i: usize, j: usize| i != j && self.occludes(i, j);
-        // Number of occluders of each object that are still in `rest`.
-        let mut occluders: Vec<usize> = rest.iter().map(|&j| rest.iter().filter(|&&i| hides(i, j)).count()).collect();
-        while !rest.is_empty() {
-            let nearest = |nodes: Vec<usize>| {
-                nodes.into_iter().min_by(|&i, &j| self.depths[i].nearest.total_cmp(&self.depths[j].nearest))
-            };
-            let free = rest.iter().copied().filter(|&j| occluders[j] == 0).collect();
-            let Some(next) = nearest(free).or_else(|| nearest(self.foremost(&rest))) else { break };
-            rest.retain(|&node| node != next);
-            rest.iter().filter(|&&j| hides(next, j)).for_each(|&j| occluders[j] -= 1);
+        let count = self.depths.len();
+        let mut sorted = Vec::with_capacity(count);
+        let mut is_left = vec![true; count];
+        // Number of occluders of each object that are not sorted.
+        let mut occluders: Vec<usize> =
+            (0..count).map(|j| self.front[j].iter().filter(|i| usize::from(**i) != j).count()).collect();
+        // Objects without occluders from the nearest on; of equally near ones, the first.
+        let place = |node: usize| (ranked(self.depths[node].nearest), node);
+        let mut free: BTreeSet<(i32, usize)> = (0..count).filter(|j| occluders[*j] == 0).map(place).collect();
+        while sorted.len() < count {
+            let nearest = || self.foremost(&is_left).into_iter().map(place).min();
+            let Some((_, next)) = free.pop_first().or_else(nearest) else { break };
+            is_left[next] = false;
+            for j in self.behind(next).filter(|j| is_left[*j]) {
+                occluders[j] -= 1;
+                free.extend((occluders[j] == 0).then(|| place(j)));
+            }
             sorted.push(next);
         }
         sorted
     }
 
-    /// The objects of the cycles in `nodes` that no object outside the cycle occludes.
-    fn foremost(&self, nodes: &[usize]) -> Vec<usize> {
-        let circles = strong_components(nodes.len(), |i, j| self.occludes(nodes[i], nodes[j]));
-        let mut is_occluded = vec![false; nodes.len()];
-        for (i, &front) in nodes.iter().enumerate() {
-            for (j, &behind) in nodes.iter().enumerate() {
-                is_occluded[circles[j]] |= circles[i] != circles[j] && self.occludes(front, behind);
+    /// The objects of the cycles among some objects that no object outside the cycle occludes.
+    fn foremost(&self, is_left: &[bool]) -> Vec<usize> {
+        let among = |edges: &[Vec<u16>]| -> Vec<Vec<u16>> {
+            let others = |others: &Vec<u16>| others.iter().copied().filter(|j| is_left[usize::from(*j)]).collect();
+            edges.iter().zip(is_left).map(|(of, is_left)| if *is_left { others(of) } else { Vec::new() }).collect()
+        };
+        let behind = among(&self.behind);
+        let circles = strong_components(&behind, &among(&self.front));
+        let mut is_occluded = vec![false; circles.len()];
+        for (i, others) in behind.iter().enumerate() {
+            for circle in others.iter().map(|j| circles[usize::from(*j)]) {
+                is_occluded[circle] |= circle != circles[i];
             }
         }
-        nodes.iter().zip(circles).filter(|(_, circle)| !is_occluded[*circle]).map(|(node, _)| *node).collect()
+        (0..circles.len()).filter(|&node| is_left[node] && !is_occluded[circles[node]]).collect()
     }
 
     /// The number of objects in the longest chain of occluders in front of each object, 0 if nothing occludes it.
     /// `sorted` are the objects [from front to back](Self::front_to_back); an occluder that comes later does not count.
     pub fn layers(&self, sorted: &[usize]) -> Vec<usize> {
         let mut layers = vec![0; self.depths.len()];
-        for (at, &j) in sorted.iter().enumerate() {
-            let before = sorted[..at].iter().filter(|&&i| self.occludes(i, j)).map(|&i| layers[i] + 1);
-            layers[j] = before.max().unwrap_or(0);
+        let places = places(sorted);
+        for &j in sorted {
+            let front = self.front[j].iter().map(|i| usize::from(*i)).filter(|&i| places[i] < places[j]);
+            layers[j] = front.map(|i| layers[i] + 1).max().unwrap_or(0);
         }
         layers
     }
+}
+
+/// The place of each object in a list of all objects.
+pub fn places(sorted: &[usize]) -> Vec<usize> {
+    let mut places = vec![0; sorted.len()];
+    sorted.iter().enumerate().for_each(|(place, object)| places[*object] = place);
+    places
+}
+
+/// A number in the order of floats by [`f32::total_cmp`].
+fn ranked(depth: f32) -> i32 {
+    let bits = depth.to_bits() as i32;
+    bits ^ (((bits >> 31) as u32) >> 1) as i32
 }
 
 fn row(order: &OcclusionOrder, id: InstanceId) -> Result<usize> {
@@ -170,10 +205,11 @@ mod tests {
     use super::*;
 
     fn order(edges: &[(usize, usize)], nearest: &[f32]) -> ObjectOrder {
-        let mut occludes = vec![vec![false; nearest.len()]; nearest.len()];
-        edges.iter().for_each(|&(i, j)| occludes[i][j] = true);
+        let mut behind = vec![Vec::new(); nearest.len()];
+        edges.iter().for_each(|&(i, j)| behind[i].push(j as u16));
+        behind.iter_mut().for_each(|behind| behind.sort_unstable());
         let depth = |&nearest: &f32| VisibleDepth { nearest, farthest: nearest, mean: nearest.into() };
-        ObjectOrder::new(occludes, nearest.iter().map(depth).collect())
+        ObjectOrder::new(behind, nearest.iter().map(depth).collect())
     }
 
     #[test]
@@ -202,7 +238,7 @@ mod tests {
         // 0 covers the end of 1, which touches 2.
         let [near, far, beside, none] = [mask(4, 8), mask(2, 4), mask(0, 2), mask(0, 0)];
         let of = ObjectOrder::of_masks(&[[&near, &none], [&far, &mask(4, 6)], [&beside, &none]]);
-        assert_eq!(of.occludes, [[false, true, false], [false; 3], [false; 3]]);
+        assert_eq!(of.behind, [vec![1], Vec::new(), Vec::new()]);
         assert_eq!(of.certain_layers(), [Some(0), Some(1), Some(0)]);
     }
 

@@ -127,7 +127,7 @@ fn nearest(one: &[[f64; 2]], other: &[[f64; 2]]) -> Option<(usize, usize)> {
 
 /// The record of an object in a product, as a type.
 fn record<T: DeserializeOwned>(products: &Products, key: Key<PerInstance<Value>>, id: InstanceId) -> Result<T> {
-    json::typed(label_of(products, key, id)?).map_err(|error| {
+    json::of_record(label_of(products, key, id)?).map_err(|error| {
         Error::new(format!("`{}` of instance {id} is not what it should be: {error}", key.name()))
             .help("the annotator that provides it must give what the reference of products says")
     })

@@ -1,6 +1,6 @@
 //! Faults of COCO's annotation files.
 
-use super::read::{CocoObjects, is_there, objects, segmentation, stated_ids};
+use super::read::{CocoObjects, is_there, segmentation, stated_ids};
 use super::record::{AmodalAnnotation, NamedField};
 use crate::d2sa;
 use crate::read::{MaskTolerance, edge_px2, fits_mask, fits_outlines, no_pixels};
@@ -13,9 +13,13 @@ use syntable_model::rule;
 
 impl CocoObjects {
     /// The rules that the records of an image break.
-    pub fn faults_of_image(&self, listing: &AnnotationListing, image: usize) -> Vec<DatasetFault> {
+    pub fn faults_of_image(
+        &self,
+        listing: &AnnotationListing,
+        image: usize,
+        annotations: &[AmodalAnnotation],
+    ) -> Vec<DatasetFault> {
         let frame = &listing.images[image].frame;
-        let Ok(annotations) = objects(listing, image) else { return Vec::new() };
         let size = [frame.width, frame.height];
         let each = annotations.iter().flat_map(|annotation| {
             let faults = self.faults_of(listing, size, annotation).into_iter();
@@ -24,8 +28,8 @@ impl CocoObjects {
         let mut faults: Vec<_> = each.collect();
         let labels = || annotations.iter().map(|it| self.labels(listing, size, InstanceId(1), it)).collect();
         let has_both = self.known == KnownMasks::Both;
-        faults.extend(d2sa::faults_of_order(&annotations, has_both.then_some(labels), self.is_ours));
-        faults.extend(read::id_fault(&stated_ids(&annotations)));
+        faults.extend(d2sa::faults_of_order(annotations, has_both.then_some(labels), self.is_ours));
+        faults.extend(read::id_fault(&stated_ids(annotations)));
         faults
     }
 

@@ -194,6 +194,13 @@ pub fn is_there<T>(fields: &[NamedField<T>]) -> bool {
 }
 
 impl Annotated for CocoObjects {
+    /// Annotations of single objects.
+    type Records = Vec<AmodalAnnotation>;
+
+    fn records(&self, file: &AnnotationFile, image: usize) -> Result<Self::Records> {
+        objects(&file.listing, image)
+    }
+
     fn crowds(&self, file: &AnnotationFile, image: usize) -> Result<Vec<Crowd>> {
         if !self.has_crowds {
             return Ok(Vec::new());
@@ -216,15 +223,21 @@ impl Annotated for CocoObjects {
         unstated.map(|((id, _), annotation)| (id, FaultSubject::Annotation(annotation.id))).collect()
     }
 
-    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<DatasetFault> {
-        self.faults_of_image(&file.listing, image)
+    fn faults(&self, file: &AnnotationFile, image: usize, records: &Self::Records) -> Vec<DatasetFault> {
+        self.faults_of_image(&file.listing, image, records)
     }
 
-    fn put(&self, file: &AnnotationFile, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()> {
+    fn put(
+        &self,
+        file: &AnnotationFile,
+        image: usize,
+        records: &Self::Records,
+        wants: &[KeyId],
+        products: &mut Products,
+    ) -> Result<()> {
         let (listing, size) = (&file.listing, file.size(image));
-        let annotations = objects(listing, image)?;
-        let ids = read::ids_of(&stated_ids(&annotations))?;
-        let named = || ids.iter().copied().zip(&annotations);
+        let ids = read::ids_of(&stated_ids(records))?;
+        let named = || ids.iter().copied().zip(records);
         let boxes = || named().filter(|(_, it)| segmentation(it).is_none()).filter_map(|(id, it)| Some((id, it.bbox?)));
         if wants.contains(&BOX.id()) {
             let boxes = boxes().map(|(id, bbox)| Ok((id, Value::of(&bbox)?)));
@@ -246,7 +259,7 @@ impl Annotated for CocoObjects {
 }
 
 /// Annotations of single objects.
-pub fn objects(listing: &AnnotationListing, image: usize) -> Result<Vec<AmodalAnnotation>> {
+fn objects(listing: &AnnotationListing, image: usize) -> Result<Vec<AmodalAnnotation>> {
     let mut annotations: Vec<AmodalAnnotation> = listing.annotations(image)?;
     annotations.retain(|annotation| !is_crowd(annotation) && has_place(annotation));
     Ok(annotations)
@@ -275,14 +288,19 @@ impl CocoObjects {
             let found = first(annotation, &named)?;
             found.map(|(key, segmentation)| decoded(segmentation, key)).transpose()
         };
-        let own = match segmentation(annotation) {
+        let record = segmentation(annotation);
+        let own = match record {
             Some(own) => decoded(own, "segmentation")?,
             None => Mask::empty(width, height),
         };
         // In a file with amodal masks, an object without a visible mask is not occluded.
         let amodal = match (self.known, first(annotation, &[fields.amodal()])) {
             (KnownMasks::Visible, _) => None,
-            (_, found) => Some(found?.map_or_else(|| Ok(own.clone()), |(key, it)| decoded(it, key))?),
+            (_, found) => Some(match found? {
+                // Equal records have equal masks.
+                Some((key, it)) if record != Some(it) => decoded(it, key)?,
+                _ => own.clone(),
+            }),
         };
         let visible = either(fields.visible())?.unwrap_or(own);
         let bbox = |named: NamedField<[i32; 4]>| Ok(first(annotation, &[named])?.map(|(_, bbox)| BBox::from(*bbox)));

@@ -4,7 +4,9 @@ use super::MaskChoice;
 use crate::d2sa::D2saRegion;
 use crate::field::LenientField;
 use crate::labels::{LabelMasks, Partial};
+use serde::de::MapAccess;
 use serde_json::Value as Json;
+use syntable_formats::coco::FurtherFields;
 use syntable_formats::segmentation::{Rle, Segmentation};
 use syntable_formats::{Extra, coco};
 use syntable_model::prelude::*;
@@ -14,8 +16,7 @@ use syntable_model::product::BBox;
 pub type AmodalAnnotation = coco::CocoAnnotation<AmodalFields>;
 
 /// Fields of annotations beyond COCO's: first SynTable's, then D2SA's and KINS'.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct AmodalFields {
     #[serde(skip_serializing_if = "LenientField::is_missing")]
     pub instance_id: LenientField<u64>,
@@ -33,9 +34,9 @@ pub struct AmodalFields {
     #[serde(skip_serializing_if = "LenientField::is_missing")]
     pub occluded_rate: LenientField<f64>,
     /// x, y and visibility of each keypoint. They are written but not read.
-    #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub keypoints: Option<Vec<Json>>,
-    #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub num_keypoints: Option<usize>,
     /// D2SA's `occluded_mask`.
     #[serde(skip_serializing_if = "LenientField::is_missing")]
@@ -54,6 +55,26 @@ pub struct AmodalFields {
     /// Fields that this type does not know.
     #[serde(flatten)]
     pub extra: Extra,
+}
+
+impl FurtherFields for AmodalFields {
+    fn read<'de, A: MapAccess<'de>>(&mut self, name: String, fields: &mut A) -> std::result::Result<(), A::Error> {
+        match name.as_str() {
+            "instance_id" => self.instance_id.read("instance_id", fields),
+            "visible_mask" => self.visible_mask.read_by(Segmentation::of_text, "visible_mask", fields),
+            "visible_bbox" => self.visible_bbox.read("visible_bbox", fields),
+            "amodal_mask" => self.amodal_mask.read_by(Segmentation::of_text, "amodal_mask", fields),
+            "amodal_bbox" => self.amodal_bbox.read("amodal_bbox", fields),
+            "occluded_mask" => self.occluded_mask.read_by(Segmentation::of_text, "occluded_mask", fields),
+            "occluded_rate" => self.occluded_rate.read("occluded_rate", fields),
+            "invisible_mask" => self.invisible_mask.read_by(Segmentation::of_text, "invisible_mask", fields),
+            "occlude_rate" => self.occlude_rate.read("occlude_rate", fields),
+            "occl_depth" => self.occl_depth.read("occl_depth", fields),
+            "amodal_region" => self.amodal_region.read("amodal_region", fields),
+            "inmodal_seg" => self.inmodal_seg.read_by(Segmentation::of_text, "inmodal_seg", fields),
+            _ => self.extra.read(name, fields),
+        }
+    }
 }
 
 /// Unknown fields without new information: D2SA's repeats the record of the image, KINS' box follows from its mask, and

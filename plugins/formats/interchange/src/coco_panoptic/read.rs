@@ -140,6 +140,12 @@ impl Things {
 }
 
 impl Annotated for Things {
+    type Records = Segments;
+
+    fn records(&self, file: &AnnotationFile, image: usize) -> Result<Segments> {
+        self.segments(file, image)
+    }
+
     fn crowds(&self, file: &AnnotationFile, image: usize) -> Result<Vec<Crowd>> {
         let all = self.segments(file, image)?;
         let crowd =
@@ -147,13 +153,19 @@ impl Annotated for Things {
         Ok(self.things(&all, true).map(crowd).collect())
     }
 
-    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<DatasetFault> {
-        self.segments(file, image).map_or_else(|_| Vec::new(), |all| self.faults_of(&all))
+    fn faults(&self, _: &AnnotationFile, _: usize, all: &Segments) -> Vec<DatasetFault> {
+        self.faults_of(all)
     }
 
-    fn put(&self, file: &AnnotationFile, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()> {
-        let all = self.segments(file, image)?;
-        let objects: Vec<&PanopticSegment> = self.things(&all, false).collect();
+    fn put(
+        &self,
+        _: &AnnotationFile,
+        _: usize,
+        all: &Segments,
+        wants: &[KeyId],
+        products: &mut Products,
+    ) -> Result<()> {
+        let objects: Vec<&PanopticSegment> = self.things(all, false).collect();
         let ids = read::ids_of(&objects.iter().map(|it| Some(it.id.into())).collect::<Vec<_>>())?;
         let labels = ids.into_iter().zip(objects).map(|(id, segment)| {
             ObjectLabels::of_masks(id, all.mask(segment.id), None, self.categories.id(segment.category_id))

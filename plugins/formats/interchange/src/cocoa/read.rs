@@ -171,16 +171,29 @@ fn annotation(listing: &AnnotationListing, image: usize) -> Result<Option<CocoaA
 }
 
 impl Annotated for Regions {
-    fn put(&self, file: &AnnotationFile, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()> {
-        let labels = match annotation(&file.listing, image)? {
+    type Records = Option<CocoaAnnotation>;
+
+    fn records(&self, file: &AnnotationFile, image: usize) -> Result<Self::Records> {
+        annotation(&file.listing, image)
+    }
+
+    fn put(
+        &self,
+        file: &AnnotationFile,
+        image: usize,
+        records: &Self::Records,
+        wants: &[KeyId],
+        products: &mut Products,
+    ) -> Result<()> {
+        let labels = match records {
             Some(annotation) => annotation.labels(&self.categories, file.size(image), file.counts_beyond(image)?)?,
             None => Vec::new(),
         };
         read::put(&labels, None, wants, products)
     }
 
-    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<DatasetFault> {
-        let Ok(Some(annotation)) = annotation(&file.listing, image) else { return Vec::new() };
+    fn faults(&self, file: &AnnotationFile, image: usize, records: &Self::Records) -> Vec<DatasetFault> {
+        let Some(annotation) = records else { return Vec::new() };
         let Ok(beyond) = file.counts_beyond(image) else { return Vec::new() };
         annotation.faults(file.size(image), beyond, self.is_ours)
     }

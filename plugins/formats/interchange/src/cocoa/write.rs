@@ -74,7 +74,11 @@ fn region(dataset: &DatasetInfo, products: &Products, order: usize, label: &Show
 
 /// The pairs `i-j` of positions in `sorted`, from 1, where `i` occludes `j`.
 fn constraints(order: &ObjectOrder, sorted: &[usize]) -> Vec<String> {
-    let pairs = (0..sorted.len()).flat_map(|i| (i + 1..sorted.len()).map(move |j| (i, j)));
-    let occluding = pairs.filter(|&(i, j)| order.occludes(sorted[i], sorted[j]));
-    occluding.map(|(i, j)| format!("{}-{}", i + 1, j + 1)).collect()
+    let places = order::places(sorted);
+    let behind = |i: usize| {
+        let mut behind: Vec<usize> = order.behind(sorted[i]).map(|j| places[j]).filter(|j| *j > i).collect();
+        behind.sort_unstable();
+        behind
+    };
+    (0..sorted.len()).flat_map(|i| behind(i).into_iter().map(move |j| format!("{}-{}", i + 1, j + 1))).collect()
 }

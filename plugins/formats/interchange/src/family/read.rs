@@ -30,8 +30,21 @@ const LOOKED_UP: usize = 16;
 
 /// The objects in images, as a format of the family stores them.
 pub trait Annotated: Send + Sync + 'static {
+    /// The records of an image.
+    type Records;
+
+    /// Reads the records of an image.
+    fn records(&self, file: &AnnotationFile, image: usize) -> Result<Self::Records>;
+
     /// Adds the requested labels of an image to `products`.
-    fn put(&self, file: &AnnotationFile, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()>;
+    fn put(
+        &self,
+        file: &AnnotationFile,
+        image: usize,
+        records: &Self::Records,
+        wants: &[KeyId],
+        products: &mut Products,
+    ) -> Result<()>;
 
     /// See [`ImageSource::crowds`].
     fn crowds(&self, file: &AnnotationFile, image: usize) -> Result<Vec<Crowd>> {
@@ -46,7 +59,7 @@ pub trait Annotated: Send + Sync + 'static {
     }
 
     /// See [`ImageSource::image_faults`].
-    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<DatasetFault>;
+    fn faults(&self, file: &AnnotationFile, image: usize, records: &Self::Records) -> Vec<DatasetFault>;
 }
 
 /// An annotation file of COCO's structure, and the folder of its images.
@@ -270,14 +283,31 @@ struct FamilySource<A> {
     annotated: A,
 }
 
-impl<A: Annotated> ImageSource for FamilySource<A> {
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
-        let mut products = Products::new();
+impl<A: Annotated> FamilySource<A> {
+    /// Reads an image, and its records if labels are wanted.
+    fn read_records(&self, image: usize, wants: &[KeyId]) -> Result<(ReadImage, Option<A::Records>)> {
+        let (mut products, mut records) = (Products::new(), None);
         if !labels_among(wants).is_empty() {
-            self.annotated.put(&self.file, image, wants, &mut products)?;
+            let read = records.insert(self.annotated.records(&self.file, image)?);
+            self.annotated.put(&self.file, image, read, wants, &mut products)?;
         }
         self.file.put_images(image, wants, &mut products)?;
-        Ok(ReadImage::new(self.file.size(image), products))
+        Ok((ReadImage::new(self.file.size(image), products), records))
+    }
+}
+
+impl<A: Annotated> ImageSource for FamilySource<A> {
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
+        self.read_records(image, wants).map(|(read, _)| read)
+    }
+
+    fn read_with_faults(&self, image: usize, wants: &[KeyId]) -> Result<(ReadImage, Vec<DatasetFault>)> {
+        let (read, records) = self.read_records(image, wants)?;
+        let faults = match records {
+            Some(records) => self.annotated.faults(&self.file, image, &records),
+            None => self.image_faults(image),
+        };
+        Ok((read, faults))
     }
 
     fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
@@ -289,7 +319,8 @@ impl<A: Annotated> ImageSource for FamilySource<A> {
     }
 
     fn image_faults(&self, image: usize) -> Vec<DatasetFault> {
-        self.annotated.faults(&self.file, image)
+        let records = self.annotated.records(&self.file, image);
+        records.map_or_else(|_| Vec::new(), |records| self.annotated.faults(&self.file, image, &records))
     }
 }
 

@@ -14,9 +14,8 @@ use syntable_model::reader::{DatasetFault, FaultSubject};
 use syntable_model::rule;
 
 /// The rules that the records of an image break.
-pub fn faults_of_image(file: &AnnotationFile, image: usize) -> Vec<DatasetFault> {
-    let Ok(all) = file.listing.annotations::<KinsAnnotation>(image) else { return Vec::new() };
-    let (crowds, annotations): (Vec<_>, Vec<_>) = all.into_iter().partition(KinsAnnotation::is_crowd);
+pub fn faults_of_image(file: &AnnotationFile, image: usize, all: &[KinsAnnotation]) -> Vec<DatasetFault> {
+    let (crowds, annotations): (Vec<&KinsAnnotation>, Vec<_>) = all.iter().partition(|it| it.is_crowd());
     let size = file.size(image);
     let mut faults: Vec<_> = annotations.iter().flat_map(|annotation| annotation.faults(size)).collect();
     let labels = annotations.iter().enumerate().map(|(row, it)| labels_of(&file.listing.categories, size, row, it));
@@ -90,8 +89,8 @@ impl KinsAnnotation {
 /// Compares groups and positions in groups with the masks of an image's objects. Outlines are inexact along their
 /// edges. An outline that fills a hole does not show which object is in front. `crowds` may belong to groups, too.
 fn faults_of_order(
-    annotations: &[KinsAnnotation],
-    crowds: &[KinsAnnotation],
+    annotations: &[&KinsAnnotation],
+    crowds: &[&KinsAnnotation],
     labels: &[ObjectLabels],
 ) -> Vec<DatasetFault> {
     if annotations.iter().all(|it| it.oco_id.is_none() && it.ico_id.is_none()) {

@@ -66,8 +66,14 @@ fn open(source: &Source) -> Result<Opened> {
 }
 
 impl Annotated for KinsObjects {
-    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<DatasetFault> {
-        faults_of_image(file, image)
+    type Records = Vec<KinsAnnotation>;
+
+    fn records(&self, file: &AnnotationFile, image: usize) -> Result<Self::Records> {
+        file.listing.annotations(image)
+    }
+
+    fn faults(&self, file: &AnnotationFile, image: usize, records: &Self::Records) -> Vec<DatasetFault> {
+        faults_of_image(file, image, records)
     }
 
     fn crowds(&self, file: &AnnotationFile, image: usize) -> Result<Vec<Crowd>> {
@@ -84,16 +90,22 @@ impl Annotated for KinsObjects {
         annotations.iter().filter(|it| it.is_crowd()).filter_map(of).collect()
     }
 
-    fn put(&self, file: &AnnotationFile, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()> {
-        let mut annotations: Vec<KinsAnnotation> = file.listing.annotations(image)?;
-        annotations.retain(|it| !it.is_crowd());
+    fn put(
+        &self,
+        file: &AnnotationFile,
+        image: usize,
+        records: &Self::Records,
+        wants: &[KeyId],
+        products: &mut Products,
+    ) -> Result<()> {
+        let annotations: Vec<&KinsAnnotation> = records.iter().filter(|it| !it.is_crowd()).collect();
         let labels = annotations
             .iter()
             .enumerate()
             .map(|(row, it)| labels_of(&file.listing.categories, file.size(image), row, it));
         let mut labels = labels.collect::<Result<Vec<_>>>()?;
         settle_edges(&mut labels);
-        for (label, annotation) in labels.iter_mut().zip(&annotations) {
+        for (label, annotation) in labels.iter_mut().zip(annotations) {
             cut_holes(label, annotation.holes_px2(label));
         }
         read::put(&labels, None, wants, products)

@@ -10,8 +10,8 @@ use crate::outlines;
 use syntable_formats::encode::rgb::RgbFiles;
 use syntable_formats::segmentation::{Rle, Segmentation};
 use syntable_model::prelude::*;
-use syntable_model::product::BBox;
 use syntable_model::product::standard::{AMODAL_OUTLINE, RGB, VISIBLE_OUTLINE};
+use syntable_model::product::{BBox, meeting_boxes};
 
 impl Family for Kins {
     fn reads(&self) -> Vec<Input> {
@@ -105,9 +105,9 @@ struct GroupPlace {
 /// The groups and positions of objects, given the first object of each object's group.
 fn places(order: &ObjectOrder, groups: &[usize]) -> Vec<GroupPlace> {
     let layers = order.layers(&order.front_to_back());
-    let is_alone = |first: usize| groups.iter().filter(|&&group| group == first).count() == 1;
-    let shared: Vec<usize> =
-        groups.iter().enumerate().filter(|&(i, &first)| i == first && !is_alone(first)).map(|(i, _)| i).collect();
+    let mut members = vec![0_usize; groups.len()];
+    groups.iter().for_each(|&first| members[first] += 1);
+    let shared: Vec<usize> = (0..groups.len()).filter(|&first| members[first] > 1).collect();
     let place = |(first, layer): (&usize, usize)| match shared.binary_search(first) {
         Ok(at) => GroupPlace { group: at + 1, order: layer + 1 },
         Err(_) => GroupPlace { group: 0, order: 0 },
@@ -118,14 +118,62 @@ fn places(order: &ObjectOrder, groups: &[usize]) -> Vec<GroupPlace> {
 /// The first object of each object's group. A group consists of objects whose amodal masks overlap, directly or through
 /// others.
 fn groups(labels: &[ShownLabel]) -> Vec<usize> {
-    let mut groups: Vec<usize> = (0..labels.len()).collect();
-    for j in 0..labels.len() {
-        for i in 0..j {
-            if groups[i] != groups[j] && !labels[i].amodal.and(labels[j].amodal).is_empty() {
-                let (kept, gone) = (groups[i].min(groups[j]), groups[i].max(groups[j]));
-                groups.iter_mut().filter(|group| **group == gone).for_each(|group| *group = kept);
+    let boxes: Vec<BBox> = labels.iter().map(|label| label.amodal.bbox()).collect();
+    // Each object leads to an earlier one of its group, and the first one to itself.
+    let mut before: Vec<usize> = (0..labels.len()).collect();
+    fn first(before: &mut [usize], mut object: usize) -> usize {
+        while before[object] != object {
+            before[object] = before[before[object]];
+            object = before[object];
+        }
+        object
+    }
+    meeting_boxes(&boxes, &boxes, |i, j| {
+        let [one, other] = [i, j].map(|object| first(&mut before, object));
+        if one != other && labels[i].amodal.shared_area(labels[j].amodal) > 0 {
+            before[one.max(other)] = one.min(other);
+        }
+    });
+    (0..labels.len()).map(|object| first(&mut before, object)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Compares with a walk over all pairs of masks.
+    #[test]
+    fn groups_match_a_walk_over_all_pairs() {
+        let mut stream = Stream::root(9);
+        for _ in 0..100 {
+            let mut edge = |end: u64| stream.below(end) as u32;
+            let masks: Vec<Mask> = (0..edge(12))
+                .map(|_| {
+                    let [x, y, long] = [edge(24), edge(24), edge(8)];
+                    // A cross, which leaves the corners of its box free.
+                    Mask::from_fn(24, 24, |u, v| (u == x && v.abs_diff(y) < long) || (v == y && u.abs_diff(x) < long))
+                })
+                .collect();
+            let label = |mask| ShownLabel {
+                id: InstanceId(1),
+                visible: mask,
+                amodal: mask,
+                occlusion: mask,
+                rate: 0.0,
+                visible_box: mask.bbox(),
+                amodal_box: mask.bbox(),
+                category: 1,
+            };
+            let found = groups(&masks.iter().map(label).collect::<Vec<_>>());
+            for (first, found) in found.into_iter().enumerate() {
+                let (mut group, mut open) = (vec![false; masks.len()], vec![first]);
+                while let Some(one) = open.pop() {
+                    if !std::mem::replace(&mut group[one], true) {
+                        open.extend((0..masks.len()).filter(|other| !masks[one].and(&masks[*other]).is_empty()));
+                    }
+                }
+                assert_eq!(found, group.iter().position(|is_in| *is_in).expect("itself"), "{masks:?}");
             }
         }
     }
-    groups
 }

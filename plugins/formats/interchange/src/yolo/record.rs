@@ -18,15 +18,14 @@ pub const DATA: &str = "data.yaml";
 /// The file in the folder of labels to which LabelImg writes the names of the classes, one per line.
 pub const CLASSES: &str = "classes.txt";
 
-/// The line of an object. Six decimals resolve about a thousandth of a pixel.
-pub fn line(class: usize, points: &[[f64; 2]], [width, height]: [f64; 2]) -> String {
-    let mut line = class.to_string();
+/// Adds the line of an object to a text. Six decimals resolve about a thousandth of a pixel.
+pub fn write_line(text: &mut String, class: usize, points: &[[f64; 2]], [width, height]: [f64; 2]) {
+    // Writing to a string cannot fail.
+    let _ = write!(text, "{class}");
     for [x, y] in points {
-        // Writing to a string cannot fail.
-        let _ = write!(line, " {:.6} {:.6}", x / width, y / height);
+        let _ = write!(text, " {:.6} {:.6}", x / width, y / height);
     }
-    line.push('\n');
-    line
+    text.push('\n');
 }
 
 /// Tolerance of sums of coordinates that were rounded to text.

@@ -1,7 +1,7 @@
 //! Writes YOLO's layout.
 
 use super::data;
-use super::record::{DATA, IMAGES, LABEL_END, LABELS, LabelShape, line};
+use super::record::{DATA, IMAGES, LABEL_END, LABELS, LabelShape, write_line};
 use super::{Yolo, YoloTask};
 use crate::coco::{MaskChoice, StoredParts};
 use crate::labels::{self, Partial};
@@ -84,7 +84,7 @@ impl ImageWriter for Yolo {
         let mut outside = 0;
         for label in &labels {
             match self.points(products, label, size)? {
-                Some(points) => text += &line(cx.dataset.category(label.category)?.0, &points, size),
+                Some(points) => write_line(&mut text, cx.dataset.category(label.category)?.0, &points, size),
                 None => outside += 1,
             }
         }

@@ -1,0 +1,115 @@
+//! Seconds per thousand images of `stats`, `report` and `convert --to yolo` on a COCO dataset, on one thread.
+//!
+//! `cargo bench -p syntable-tests --bench datasets [-- IMAGES]` (2000). Images of 160 × 120 pixels show 12 ellipses, with
+//! amodal, visible and occlusion masks as the writer `coco` stores them. `labels` are statistics without images.
+
+use serde_json::json;
+use std::fs;
+use std::io::{BufWriter, Write as _};
+use std::path::Path;
+use std::time::Instant;
+use syntable::report::make::{ReportOptions, make};
+use syntable::stats::{self, StatisticsOptions};
+use syntable::{ConvertOptions, DatasetSource, ImageWork, Pool, Quiet, Registry, Stop, convert};
+use syntable_formats::encode::png::PngImage;
+use syntable_formats::segmentation::Rle;
+use syntable_model::prelude::*;
+
+const SIZE: [u32; 2] = [160, 120];
+const OBJECTS: usize = 12;
+
+fn main() {
+    let images = std::env::args().skip(1).find_map(|it| it.parse().ok()).unwrap_or(2000);
+    let folder = tempfile::tempdir().expect("a folder");
+    let data = folder.path().join("data");
+    write(&data, images);
+    let registry = Registry::linked().expect("the stock plugins");
+    let (pool, stop) = (Pool::new(1).expect("a thread"), Stop::default());
+    let work = ImageWork { workers: &pool, reporter: &Quiet, stop: &stop };
+    let source = || DatasetSource::new(&data);
+    let statistics = |labels_only: bool| {
+        let options = StatisticsOptions { labels_only, ..StatisticsOptions::default() };
+        stats::compare(&registry, &[source()], None, &options, &work).expect("counted");
+    };
+    let report = || {
+        let out = Some(folder.path().join("report"));
+        make(&registry, &ReportOptions { out, ..ReportOptions::new(source()) }, &work).expect("made");
+    };
+    let yolo = || {
+        let options =
+            ConvertOptions { threads: 1, ..ConvertOptions::new(&data, &["yolo"], folder.path().join("yolo")) };
+        convert(&registry, &options, &Quiet).expect("converted");
+    };
+    println!("seconds per 1000 images, of {images}");
+    let time = |what: &str, run: &dyn Fn()| {
+        let start = Instant::now();
+        run();
+        println!("{what:<10} {:8.3}", 1e3 * start.elapsed().as_secs_f64() / images as f64);
+    };
+    time("labels", &|| statistics(true));
+    time("stats", &|| statistics(false));
+    time("report", &report);
+    time("yolo", &yolo);
+}
+
+/// Writes a dataset with this number of images.
+fn write(data: &Path, images: usize) {
+    fs::create_dir_all(data.join("annotations")).expect("writable");
+    fs::create_dir_all(data.join("images")).expect("writable");
+    let file = fs::File::create(data.join("annotations/instances_train.json")).expect("writable");
+    let mut out = BufWriter::new(file);
+    let name = |image: usize| format!("{:06}_{:04}.png", image / 4, image % 4);
+    let [width, height] = SIZE;
+    let list = (0..images).map(|image| {
+        json!({ "id": image + 1, "file_name": name(image), "width": width, "height": height, "license": 1 }).to_string()
+    });
+    let list = list.collect::<Vec<_>>().join(",\n");
+    let mut put = |text: &str| out.write_all(text.as_bytes()).expect("writable");
+    put(&format!(
+        "{{\"categories\": [{{\"id\": 1, \"name\": \"object\"}}], \"images\": [\n{list}\n], \"annotations\": [\n"
+    ));
+    let mut stream = Stream::root(1);
+    for image in 0..images {
+        let shapes: Vec<[f64; 4]> = (0..OBJECTS).map(|_| shape(&mut stream)).collect();
+        let mut hidden = Mask::empty(width, height);
+        for (object, shape) in shapes.iter().enumerate() {
+            let amodal = Mask::from_fn(width, height, |x, y| is_inside(shape, x, y));
+            let visible = amodal.minus(&hidden);
+            let comma = if image + object > 0 { ",\n" } else { "" };
+            put(&format!("{comma}{}", annotation([image, object], &amodal, &visible)));
+            hidden = hidden.or(&amodal);
+        }
+        let level = stream.uniform(60.0, 140.0);
+        let rgb = Plane::from_fn(width, height, |x, y| {
+            let front = shapes.iter().position(|shape| is_inside(shape, x, y)).map_or(0.0, |it| 8.0 * it as f64 + 10.0);
+            [0.9, 1.0, 0.8].map(|tint| (tint * (level + front) + 2.0 * stream.normal()).clamp(0.0, 255.0) as u8)
+        });
+        let png = PngImage::rgb(&rgb).encode().expect("an image");
+        fs::write(data.join("images").join(name(image)), png).expect("writable");
+    }
+    put("\n]}\n");
+}
+
+/// Center and half axes of an ellipse, px.
+fn shape(stream: &mut Stream) -> [f64; 4] {
+    [(0.0, 160.0), (0.0, 120.0), (6.0, 24.0), (6.0, 24.0)].map(|(low, high)| stream.uniform(low, high))
+}
+
+fn is_inside([x, y, a, b]: &[f64; 4], column: u32, row: u32) -> bool {
+    let [u, v] = [(f64::from(column) - x) / a, (f64::from(row) - y) / b];
+    u * u + v * v <= 1.0
+}
+
+/// The record of an object, as the writer `coco` makes it.
+fn annotation([image, object]: [usize; 2], amodal: &Mask, visible: &Mask) -> String {
+    let hidden = amodal.minus(visible);
+    let bbox = |mask: &Mask| <[i32; 4]>::from(mask.bbox());
+    let rate = f64::from(hidden.area()) / f64::from(amodal.area().max(1));
+    let record = json!({
+        "id": image * OBJECTS + object + 1, "image_id": image + 1, "category_id": 1, "segmentation": Rle::encode(amodal),
+        "area": amodal.area(), "bbox": bbox(amodal), "iscrowd": 0, "instance_id": object + 1,
+        "visible_mask": Rle::encode(visible), "visible_bbox": bbox(visible), "amodal_mask": Rle::encode(amodal),
+        "amodal_bbox": bbox(amodal), "occluded_mask": Rle::encode(&hidden), "occluded_rate": rate,
+    });
+    record.to_string()
+}
