@@ -11,6 +11,7 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 use syntable_program as _;
+use syntable_testing::figures::{Figures, Unit};
 
 /// Number of saves of each kind.
 const SAVES: usize = 11;
@@ -20,9 +21,10 @@ fn main() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let recipes = if named.is_empty() { vec![root.join("recipes/quickstart.toml")] } else { named };
     println!("{:<24} {:<22} {:>30} {:>30}", "recipe", "what is saved", "first image, s", "last image, s");
+    let mut figures = Figures::new(env!("CARGO_PKG_NAME"), env!("CARGO_CRATE_NAME"));
     for recipe in recipes {
         let recipe = recipe.canonicalize().unwrap_or_else(|error| panic!("{}: {error}", recipe.display()));
-        measure(&recipe);
+        measure(&mut figures, &recipe);
     }
 }
 
@@ -37,7 +39,7 @@ const EDITS: [Edit; 3] = [
     ("the seed", |save| format!("seed = {}", 100 + save)),
 ];
 
-fn measure(recipe: &Path) {
+fn measure(figures: &mut Figures, recipe: &Path) {
     let folder = std::env::temp_dir().join(format!("syntable-preview-{}", std::process::id()));
     fs::create_dir_all(&folder).expect("writable");
     let (file, sheet) = (folder.join("recipe.toml"), folder.join("sheet.png"));
@@ -71,8 +73,14 @@ fn measure(recipe: &Path) {
             times[0].extend(first);
             times[1].extend(last);
         }
-        let [first, last] = times.map(summary);
         let recipe = recipe.file_stem().unwrap_or_default().to_string_lossy();
+        times.iter_mut().for_each(|times| times.sort_by(f64::total_cmp));
+        for (what, times) in ["first", "last"].iter().zip(&times) {
+            if let Some(median) = times.get(times.len() / 2) {
+                figures.keep(&format!("{recipe}, {name}, {what} image"), *median, Unit::Seconds);
+            }
+        }
+        let [first, last] = times.map(summary);
         println!("{recipe:<24} {name:<22} {first:>30} {last:>30}");
     }
     child.kill().and_then(|()| child.wait().map(drop)).expect("ends");
@@ -94,8 +102,7 @@ fn finished(events: &Receiver<(Instant, serde_json::Value)>, start: Instant) -> 
     }
 }
 
-fn summary(mut times: Vec<f64>) -> String {
-    times.sort_by(f64::total_cmp);
+fn summary(times: Vec<f64>) -> String {
     match times.as_slice() {
         [] => "none".to_owned(),
         [least, ..] => {

@@ -25,6 +25,7 @@ use syntable_recipe::{Overrides, Source};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::RunOptions;
 use syntable_runtime::run::progress::{Event, Reporter};
+use syntable_testing::figures::{Figures, Unit};
 use syntable_testing::scenes;
 
 /// Number of dropped objects; some leave the table.
@@ -244,6 +245,7 @@ fn main() {
     }
     let frames = taken();
 
+    let mut figures = Figures::new(env!("CARGO_PKG_NAME"), env!("CARGO_CRATE_NAME"));
     println!("a whole run of {} images, {threads} threads:", SCENES * VIEWS);
     for (name, writers) in [
         ("COCO with its RGB", "[write.coco]\n"),
@@ -254,6 +256,7 @@ fn main() {
         let seconds = run(&measured(writers), threads, &out);
         let images = f64::from(SCENES * VIEWS);
         let (number, bytes) = files(&out);
+        figures.keep(name, images / seconds, Unit::PerSecond);
         println!(
             "  {name:<22} {:6.1} images/s, {:6.2} ms an image, {:.1} files and {:.0} kB an image",
             images / seconds,

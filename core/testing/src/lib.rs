@@ -13,6 +13,7 @@ pub mod assets;
 pub mod conformance;
 pub mod errors;
 pub mod fault_store;
+pub mod figures;
 pub mod folder;
 #[cfg(unix)]
 pub mod hostile;

@@ -31,6 +31,7 @@ mod programs;
 mod recipes;
 mod remote_datasets;
 mod report;
+mod speed;
 mod splits;
 mod statistics;
 mod stats;

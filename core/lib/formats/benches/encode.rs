@@ -1,16 +1,13 @@
-//! Time to encode the files of a 640 × 480 view.
+//! Time to encode the files of a 640 × 480 view: `cargo bench -p syntable-formats --bench encode`.
 
-use divan::{Bencher, black_box};
+use std::hint::black_box;
 use syntable_formats::encode::npy::Array;
 use syntable_formats::encode::png::PngImage;
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
+use syntable_testing::figures::Figures;
 
 const SIZE: [u32; 2] = [640, 480];
-
-fn main() {
-    divan::main();
-}
 
 /// A shaded image with noise, as from a path tracer with few samples per pixel.
 fn rgb() -> Plane<[u8; 3]> {
@@ -21,30 +18,18 @@ fn rgb() -> Plane<[u8; 3]> {
     })
 }
 
-#[divan::bench]
-fn png_rgb(bencher: Bencher) {
+fn main() {
+    let mut figures = Figures::filtered(env!("CARGO_PKG_NAME"), env!("CARGO_CRATE_NAME"));
     let image = PngImage::rgb(&rgb());
-    bencher.bench(|| black_box(&image).encode());
-}
-
-#[divan::bench]
-fn png_depth(bencher: Bencher) {
+    figures.time("PNG of RGB", || black_box(&image).encode());
     let image = PngImage::gray16(&Plane::from_fn(SIZE[0], SIZE[1], |x, y| {
         (900.0 + 0.7 * f64::from(y) + 40.0 * (f64::from(x) / 50.0).sin().abs()) as u16
     }));
-    bencher.bench(|| black_box(&image).encode());
-}
-
-#[divan::bench]
-fn png_mask(bencher: Bencher) {
+    figures.time("PNG of depth", || black_box(&image).encode());
     let mask = Mask::from_fn(SIZE[0], SIZE[1], |x, y| x.abs_diff(300).pow(2) + y.abs_diff(200).pow(2) < 6400);
-    bencher.bench(|| PngImage::mask(black_box(&mask), 255).encode());
-}
-
-#[divan::bench]
-fn npy_depth(bencher: Bencher) {
+    figures.time("PNG of a mask", || PngImage::mask(black_box(&mask), 255).encode());
     let plane = Plane::from_fn(SIZE[0], SIZE[1], |x, y| (x + y) as f32);
-    bencher.bench(|| {
+    figures.time("NPY of depth", || {
         let value = syntable_model::product::Product::encode(black_box(&plane));
         Array::of(&value).map(|array| array.encode())
     });

@@ -11,6 +11,7 @@ use std::process::Command;
 use std::time::Instant;
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
+use syntable_testing::figures::{Figures, Unit};
 
 const SIZE: [u32; 2] = [640, 480];
 const MASKS: usize = 20;
@@ -107,6 +108,7 @@ fn theirs(file: &Path) -> Option<([f64; 3], Vec<String>)> {
 }
 
 fn main() {
+    let mut figures = Figures::new(env!("CARGO_PKG_NAME"), env!("CARGO_CRATE_NAME"));
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("masks");
     println!("ms a mask              encode ours  theirs  (by rows)  ratio   decode ours  theirs  ratio   letters");
@@ -123,6 +125,8 @@ fn main() {
             they = std::array::from_fn(|i| they[i].min(times[i]));
             assert_eq!(encoded, other, "the same letters");
         }
+        figures.keep(&format!("encoding of {name}"), 1e-3 * we[0], Unit::Seconds);
+        figures.keep(&format!("decoding of {name}"), 1e-3 * we[1], Unit::Seconds);
         println!(
             "{name:<22} {:>11.4}  {:>6.4}  {:>9.4}  {:>5.2}   {:>11.4}  {:>6.4}  {:>5.2}   {letters:>7}",
             we[0],

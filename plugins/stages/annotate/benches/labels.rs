@@ -1,10 +1,10 @@
-//! Time of the labels of a 640 × 480 view.
+//! Time of the labels of a 640 × 480 view: `cargo bench -p syntable-annotate`.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
 
 use common::{World, annotator};
-use divan::{Bencher, black_box};
+use std::hint::black_box;
 use std::sync::OnceLock;
 use syntable_annotate::CANVAS;
 use syntable_annotate::masks::{area_outside, sweep};
@@ -12,11 +12,23 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{COVERAGE, DEPTH, INSTANCE, OBJECT_DEPTHS};
 use syntable_model::product::{BitPlane, ObjectDepths};
 use syntable_model::scene::{Camera, Intrinsics};
+use syntable_testing::figures::Figures;
 
 const SIZE: [u32; 2] = [640, 480];
 
 fn main() {
-    divan::main();
+    let mut figures = Figures::filtered(env!("CARGO_PKG_NAME"), env!("CARGO_CRATE_NAME"));
+    for objects in [1, 20, 40, 64, 130] {
+        masks_and_order(&mut figures, objects);
+    }
+    masks_order_and_coco(&mut figures, 20);
+    for objects in [20, 130] {
+        areas_outside(&mut figures, objects);
+    }
+    for kind in ANNOTATORS {
+        annotator_of_40(&mut figures, kind);
+    }
+    all_of_40(&mut figures);
 }
 
 /// Disks scattered over an image of that size, the first in front, with a table behind the lower half.
@@ -54,17 +66,17 @@ fn disks_at(objects: usize, size: [u32; 2], times: u32) -> (Plane<InstanceId>, B
 }
 
 /// Masks as run lengths, and the occlusion order.
-#[divan::bench(args = [1, 20, 40, 64, 130])]
-fn masks_and_order(bencher: Bencher, objects: usize) {
+fn masks_and_order(figures: &mut Figures, objects: usize) {
     let (first, coverage) = disks(objects, SIZE);
-    bencher.bench(|| sweep(black_box(&first), black_box(&coverage)).expect("planes agree"));
+    figures.time(&format!("masks and order of {objects}"), || {
+        sweep(black_box(&first), black_box(&coverage)).expect("planes agree")
+    });
 }
 
 /// As above, and the compressed strings of COCO.
-#[divan::bench(args = [20])]
-fn masks_order_and_coco(bencher: Bencher, objects: usize) {
+fn masks_order_and_coco(figures: &mut Figures, objects: usize) {
     let (first, coverage) = disks(objects, SIZE);
-    bencher.bench(|| {
+    figures.time(&format!("masks, order and COCO of {objects}"), || {
         let sweep = sweep(black_box(&first), black_box(&coverage)).expect("planes agree");
         let masks = sweep.objects.iter().flat_map(|object| [&object.visible, &object.amodal, &object.occlusion]);
         masks.map(|mask| mask.to_coco().len()).sum::<usize>()
@@ -72,10 +84,9 @@ fn masks_order_and_coco(bencher: Bencher, objects: usize) {
 }
 
 /// Areas on a canvas three times as wide and high as the image.
-#[divan::bench(args = [20, 130])]
-fn areas_outside(bencher: Bencher, objects: usize) {
+fn areas_outside(figures: &mut Figures, objects: usize) {
     let ((_, image), (_, canvas)) = (disks(objects, SIZE), disks(objects, SIZE.map(|edge| 3 * edge)));
-    bencher.bench(|| area_outside(black_box(&image), black_box(&canvas)));
+    figures.time(&format!("areas outside of {objects}"), || area_outside(black_box(&image), black_box(&canvas)));
 }
 
 /// All labels of a view of 40 objects, except appearance and hidden normals, which need images of objects: each
@@ -137,24 +148,37 @@ fn rendered() -> (World, View, Products) {
 }
 
 /// Each annotator of [`ANNOTATORS`] alone.
-#[divan::bench(args = ANNOTATORS, sample_count = 20)]
-fn annotator_of_40(bencher: Bencher, kind: &str) {
+fn annotator_of_40(figures: &mut Figures, kind: &str) {
+    if !figures.is_wanted(kind) {
+        return;
+    }
     let (world, next, mut products) = rendered();
     let cx = world.of_view().before(Some(&next));
     for before in ANNOTATORS.iter().take_while(|before| **before != kind) {
         annotator(before, "").annotate(&cx, &mut products).expect("annotated");
     }
     let stage = annotator(kind, "");
-    bencher.with_inputs(|| products.clone()).bench_refs(|products| stage.annotate(&cx, products));
+    figures.time_on(
+        kind,
+        || products.clone(),
+        |mut products| {
+            stage.annotate(&cx, &mut products).expect("annotated");
+            products
+        },
+    );
 }
 
 /// [`ANNOTATORS`] together.
-#[divan::bench(sample_count = 20)]
-fn all_of_40(bencher: Bencher) {
+fn all_of_40(figures: &mut Figures) {
     let (world, next, products) = rendered();
     let cx = world.of_view().before(Some(&next));
     let stages: Vec<_> = ANNOTATORS.iter().map(|kind| annotator(kind, "")).collect();
-    bencher
-        .with_inputs(|| products.clone())
-        .bench_refs(|products| stages.iter().try_for_each(|stage| stage.annotate(&cx, products)));
+    figures.time_on(
+        "all annotators",
+        || products.clone(),
+        |mut products| {
+            stages.iter().try_for_each(|stage| stage.annotate(&cx, &mut products)).expect("annotated");
+            products
+        },
+    );
 }

@@ -23,6 +23,7 @@ use syntable_model::product::standard::{INSTANCE, RADIANCE, RADIANCE_NOISY};
 use syntable_model::registry::{Registry, Slot};
 use syntable_render_cpu::CpuPathRenderer;
 use syntable_testing::errors::{Image, psnr, relative_error, srgb, white};
+use syntable_testing::figures::{Figures, Unit};
 use syntable_testing::room::{self, Look};
 use syntable_testing::workers::Threads;
 use syntable_transport::PathTracing;
@@ -44,14 +45,29 @@ fn main() {
         Ok(library) => denoisers.push(("oidn", denoiser("oidn", &format!("library = {library:?}")))),
         Err(_) => println!("SYNTABLE_OIDN is not set: no comparison with Open Image Denoise"),
     }
+    let mut figures = Figures::new(env!("CARGO_PKG_NAME"), env!("CARGO_CRATE_NAME"));
     for (name, look) in LOOKS.into_iter().filter(|(name, _)| ["all", name].contains(&chosen)) {
         println!("{name}");
-        compare(look, &denoisers, (many, regularize), folder.map(|folder| Path::new(folder).join(name)).as_deref());
+        compare(
+            &mut figures,
+            name,
+            look,
+            &denoisers,
+            (many, regularize),
+            folder.map(|folder| Path::new(folder).join(name)).as_deref(),
+        );
     }
 }
 
 /// Prints the errors of one look, and writes its images to the folder.
-fn compare(look: Look, denoisers: &[(&str, Box<dyn Denoiser>)], (many, regularize): (u32, f64), folder: Option<&Path>) {
+fn compare(
+    figures: &mut Figures,
+    look_name: &str,
+    look: Look,
+    denoisers: &[(&str, Box<dyn Denoiser>)],
+    (many, regularize): (u32, f64),
+    folder: Option<&Path>,
+) {
     let (scene, view) = (room::scene_of(look), room::view(WIDTH, HEIGHT));
     let wants: Vec<KeyId> = denoisers.iter().flat_map(|(_, denoiser)| denoiser.reads()).collect();
     let rendered = render(&scene, &view, (many, regularize), 100, &[RADIANCE_NOISY.id(), INSTANCE.id()]);
@@ -79,7 +95,7 @@ fn compare(look: Look, denoisers: &[(&str, Box<dyn Denoiser>)], (many, regulariz
     for samples in [1, 2, 4, 8, 16, 32, 64] {
         let products = render(&scene, &view, (samples, regularize), 1, &wants);
         let noisy = products.get(RADIANCE_NOISY).expect("made").data();
-        let report = |name: &str, image: &Image, seconds: f64| {
+        let mut report = |name: &str, image: &Image, seconds: f64| {
             let errors = |image: &Image, reference: &Image| {
                 let light = sum(image) / sum(reference);
                 format!(
@@ -90,6 +106,8 @@ fn compare(look: Look, denoisers: &[(&str, Box<dyn Denoiser>)], (many, regulariz
             };
             let [whole, part] = [errors(image, reference), errors(&of_objects(image), &of_objects(reference))];
             println!("{samples:7}  {name:8} {whole} | {part}  {:4.0} ms", 1e3 * seconds);
+            let error = format!("{look_name}, samples {samples}, {name}");
+            figures.keep(&error, psnr(image, reference, white), Unit::Decibels);
             keep(&format!("{name}-{samples}.png"), image);
         };
         report("noisy", noisy, 0.0);

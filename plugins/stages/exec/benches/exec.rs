@@ -3,7 +3,6 @@
 //!
 //! `cargo bench -p syntable-exec`
 
-use divan::Bencher;
 use std::path::Path;
 use std::process::Command;
 use syntable_exec as _;
@@ -12,6 +11,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{RGB, VISIBLE_IDS, VISIBLE_MASK};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{SceneId, ViewId};
+use syntable_testing::figures::Figures;
 use syntable_testing::scenes::dataset;
 
 const SIZE: [u32; 2] = [640, 480];
@@ -21,7 +21,10 @@ const THRESHOLD: f64 = 0.3;
 fn main() {
     let has_numpy = Command::new("python3").args(["-c", "import numpy"]).status().is_ok_and(|status| status.success());
     assert!(has_numpy, "python3 with NumPy is needed");
-    divan::main();
+    let mut figures = Figures::filtered(env!("CARGO_PKG_NAME"), env!("CARGO_CRATE_NAME"));
+    of_masks(&mut figures);
+    of_ids(&mut figures);
+    in_process(&mut figures);
 }
 
 fn products() -> Products {
@@ -49,24 +52,22 @@ fn program(file: &Path, reads: &str) -> Box<dyn ImageAnnotator> {
     }
 }
 
-fn run(bencher: Bencher, annotator: &dyn ImageAnnotator) {
+fn run(figures: &mut Figures, name: &str, annotator: &dyn ImageAnnotator) {
     let (dataset, products, log) = (dataset(), products(), Collected::default());
     let cx = DatasetContext::new(&dataset, &Serial, &log).images(SceneId(0)).image(ViewId(0), SIZE);
     // The process starts with the first view.
     annotator.annotate(&cx, &mut products.clone()).expect("answers");
-    bencher.bench_local(|| annotator.annotate(&cx, &mut products.clone()).expect("answers"));
+    figures.time(name, || annotator.annotate(&cx, &mut products.clone()).expect("answers"));
 }
 
 /// Masks are 6 MB.
-#[divan::bench]
-fn of_masks(bencher: Bencher) {
+fn of_masks(figures: &mut Figures) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/darkness.py");
-    run(bencher, &*program(&file, "[\"rgb\", \"visible_mask\"]"));
+    run(figures, "program, of masks", &*program(&file, "[\"rgb\", \"visible_mask\"]"));
 }
 
 /// One plane of ids instead of masks.
-#[divan::bench]
-fn of_ids(bencher: Bencher) {
+fn of_ids(figures: &mut Figures) {
     let folder = tempfile::tempdir().expect("a folder");
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/darkness.py");
     let text = std::fs::read_to_string(example).expect("the example");
@@ -78,14 +79,13 @@ fn of_ids(bencher: Bencher) {
     );
     let file = folder.path().join("darkness.py");
     std::fs::write(&file, text).expect("writable");
-    run(bencher, &*program(&file, "[\"rgb\", \"visible_ids\"]"));
+    run(figures, "program, of ids", &*program(&file, "[\"rgb\", \"visible_ids\"]"));
 }
 
 /// The same in this process.
-#[divan::bench]
-fn in_process(bencher: Bencher) {
+fn in_process(figures: &mut Figures) {
     let products = products();
-    bencher.bench_local(|| {
+    figures.time("in this process", || {
         let (rgb, masks) = (products.get(RGB).expect("there"), products.get(VISIBLE_MASK).expect("there"));
         let dark = rgb.map(|pixel| f64::from(pixel.map(u32::from).iter().sum::<u32>()) / 3.0 < 255.0 * THRESHOLD);
         let share = |mask: &Mask| {

@@ -11,6 +11,7 @@ use syntable_model::product::standard::{
     ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, DEPTH, INSTANCE, NORMAL, OPACITY, RADIANCE,
 };
 use syntable_render_cpu::CpuPathRenderer;
+use syntable_testing::figures::{Figures, Unit, processor_seconds};
 use syntable_testing::room;
 use syntable_testing::workers::Threads;
 use syntable_transport::PathTracing;
@@ -21,6 +22,7 @@ fn main() {
     let number = |at: usize, or: u32| arguments.get(at).and_then(|a| a.parse().ok()).unwrap_or(or);
     let (samples, threads) = (number(0, 8), number(1, 2) as usize);
     let workers = Threads(threads);
+    let mut figures = Figures::new(env!("CARGO_PKG_NAME"), env!("CARGO_CRATE_NAME"));
     let (scene, view) = (room::scene(), room::view(640, 480));
 
     for max_bounces in [8, 1] {
@@ -58,6 +60,7 @@ fn main() {
             traced.shadow_rays as f64 / traced.paths as f64,
             all / cpu / 1e6,
         );
+        figures.keep(&format!("sample of {max_bounces} bounces, processor"), cpu / per_sample, Unit::Seconds);
         if max_bounces == 8 {
             if let Some(path) = arguments.get(2) {
                 write_ppm(path, frame.get(RADIANCE).expect("made"));
@@ -72,6 +75,7 @@ fn main() {
             for (name, wants) in labels {
                 let (_, _, wall, cpu) = render(wants);
                 println!("{name}: {wall:.3} s wall, {cpu:.2} s processor");
+                figures.keep(name, wall, Unit::Seconds);
             }
             let coverage = render(&[COVERAGE.id()]).0;
             let atlas = Atlas::of(coverage.get(COVERAGE).expect("made"));
@@ -81,6 +85,7 @@ fn main() {
                 let (started, pixels) = (Instant::now(), request.pixels() as f64 / (640.0 * 480.0));
                 session.render(&request, &mut Products::new()).expect("renders");
                 let (wall_objects, objects) = (started.elapsed().as_secs_f64(), atlas.tiles.len());
+                figures.keep(&format!("appearance of objects, {lighting:?}"), wall_objects, Unit::Seconds);
                 println!(
                     "{objects} objects {lighting:?}: windows of {pixels:.2} images, {:.3} of the time of the image",
                     wall_objects / wall
@@ -88,14 +93,6 @@ fn main() {
             }
         }
     }
-}
-
-/// User and system time of the process so far, to a hundredth of a second; 0 if the system does not provide it.
-fn processor_seconds() -> f64 {
-    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let fields: Vec<&str> = text.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
-    let ticks = |at: usize| fields.get(at).and_then(|f| f.parse::<f64>().ok()).unwrap_or(0.0);
-    (ticks(11) + ticks(12)) / 100.0
 }
 
 fn write_ppm(path: &str, plane: &Plane<[f32; 3]>) {

@@ -16,6 +16,7 @@ use syntable_model::product::standard::{
 use syntable_model::scene::Scene;
 use syntable_render_wgpu::{Adapters, GpuPathRenderer};
 use syntable_testing::errors::{psnr, white};
+use syntable_testing::figures::{Figures, Unit};
 use syntable_testing::room::{self, Look};
 use syntable_testing::workers::Pool;
 use syntable_transport::PathTracing;
@@ -36,6 +37,7 @@ fn main() {
     let found = Adapters::find().used().unwrap_or_default();
     let Some(info) = found.get(adapter) else { return println!("no adapter is called {adapter}") };
     println!("{info}");
+    let mut figures = Figures::new(env!("CARGO_PKG_NAME"), env!("CARGO_CRATE_NAME"));
     let workers = Pool::new(std::thread::available_parallelism().map_or(2, usize::from));
     let view = room::view(640, 480);
     for look in [Look::Mixed, Look::Plastic, Look::Glass] {
@@ -103,10 +105,20 @@ fn main() {
                 flying[0],
                 flying[1],
             );
+            let mut keep = |name: &str, value: f64, unit: Unit| {
+                figures.keep(&format!("{look:?}, samples {samples}, {name}"), value, unit);
+            };
+            keep("image", light, Unit::Seconds);
+            keep("denoised image", denoised, Unit::Seconds);
+            keep("denoised images in flight", 1e-3 * flying[1], Unit::Seconds);
+            keep("rays", (rays + shadows) / light, Unit::PerSecond);
+            keep("error of the denoised image", near, Unit::Decibels);
             if samples == 1 {
                 let masks = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE_BEFORE_SUPPORT.id()];
                 let (labels, _) = best(&masks, None);
                 let (shaded, _) = best(&[NORMAL.id(), ALBEDO.id()], None);
+                keep("labels", labels, Unit::Seconds);
+                keep("normals and albedo", shaded, Unit::Seconds);
                 println!(
                     "{look:?}, labels: {:.2} ms, {IN_FLIGHT} in flight {:.2} ms; normals and albedo {:.2} ms",
                     1e3 * labels,

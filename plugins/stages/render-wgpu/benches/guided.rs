@@ -11,6 +11,7 @@ use common::{Card, reference, render};
 use std::time::Instant;
 use syntable_guided::Guided;
 use syntable_render_wgpu::Adapters;
+use syntable_testing::figures::{Figures, Unit};
 use syntable_testing::room;
 use syntable_testing::workers::Threads;
 
@@ -24,6 +25,7 @@ fn main() {
     let mut card = Card::open(adapter);
     println!("{info}, and {} threads", workers.0);
     let options = Guided::default();
+    let mut figures = Figures::new(env!("CARGO_PKG_NAME"), env!("CARGO_CRATE_NAME"));
     for (width, height) in [(640, 480), (1280, 960)] {
         let products = render(&room::scene(), &room::view(width, height), 2);
         let started = Instant::now();
@@ -46,6 +48,8 @@ fn main() {
         };
         let first = time(1);
         let on_card = time(images) / f64::from(images);
+        figures.keep(&format!("{width} × {height}, on the card"), on_card, Unit::Seconds);
+        figures.keep(&format!("{width} × {height}, on the processor"), on_processor, Unit::Seconds);
         println!(
             "{width} × {height}: {:.2} ms, the first {:.1} ms; on the processor {:.0} ms",
             1e3 * on_card,

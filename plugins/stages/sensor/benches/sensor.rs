@@ -1,38 +1,18 @@
 //! Time of sensors at 640 × 480 on one thread: `cargo bench -p syntable-sensor`.
 
-use divan::{Bencher, black_box};
+use std::hint::black_box;
 use syntable_model::context::{Collected, DatasetContext, Serial};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO, DEPTH, NORMAL, RADIANCE};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_sensor::rgb_camera::{Developer, Tone, ev100_of, white_nits};
+use syntable_testing::figures::Figures;
 use syntable_testing::scenes;
 
 const SIZE: [u32; 2] = [640, 480];
 
-fn main() {
-    divan::main();
-}
-
-fn noisy_light() -> Plane<[f32; 3]> {
-    let mut stream = Stream::root(1);
-    Plane::from_fn(SIZE[0], SIZE[1], |_, _| [0.0; 3].map(|_: f64| stream.unit() as f32 * 100.0))
-}
-
-/// Metering and developing a noisy image.
-#[divan::bench(args = [Tone::Filmic, Tone::Agx])]
-fn develop(bencher: Bencher, tone: Tone) {
-    let radiance = noisy_light();
-    bencher.bench(|| {
-        let developer = Developer::new(tone, white_nits(ev100_of(radiance.data())), [1.0; 3]);
-        let mut codes = vec![[0; 3]; radiance.data().len()];
-        developer.develop(black_box(radiance.data()), &mut codes);
-        codes
-    });
-}
-
-/// A whole sensor, with its options.
-#[divan::bench(args = [
+/// Sensors with their options.
+const SENSORS: [(&str, &str); 10] = [
     ("rgb_camera", ""),
     ("rgb_camera", "vignetting = {}"),
     ("rgb_camera", "chromatic_aberration = {}"),
@@ -43,8 +23,36 @@ fn develop(bencher: Bencher, tone: Tone) {
     ("depth_camera", "model = \"l515\""),
     ("depth_camera", "model = \"d435\""),
     ("depth_camera", "model = \"azure_kinect\""),
-])]
-fn sense(bencher: Bencher, (kind, options): (&str, &str)) {
+];
+
+fn main() {
+    let mut figures = Figures::filtered(env!("CARGO_PKG_NAME"), env!("CARGO_CRATE_NAME"));
+    for tone in [Tone::Filmic, Tone::Agx] {
+        develop(&mut figures, tone);
+    }
+    for (kind, options) in SENSORS {
+        sense(&mut figures, kind, options);
+    }
+}
+
+fn noisy_light() -> Plane<[f32; 3]> {
+    let mut stream = Stream::root(1);
+    Plane::from_fn(SIZE[0], SIZE[1], |_, _| [0.0; 3].map(|_: f64| stream.unit() as f32 * 100.0))
+}
+
+/// Metering and developing a noisy image.
+fn develop(figures: &mut Figures, tone: Tone) {
+    let radiance = noisy_light();
+    figures.time(&format!("develop {tone:?}"), || {
+        let developer = Developer::new(tone, white_nits(ev100_of(radiance.data())), [1.0; 3]);
+        let mut codes = vec![[0; 3]; radiance.data().len()];
+        developer.develop(black_box(radiance.data()), &mut codes);
+        codes
+    });
+}
+
+/// A whole sensor.
+fn sense(figures: &mut Figures, kind: &str, options: &str) {
     let registry = Registry::linked().expect("kinds are unique");
     let stage = registry.find(Slot::Sensor, kind).and_then(|entry| entry.construct_str(options).ok());
     let Some(Stage::Sensor(sensor)) = stage.map(|constructed| constructed.stage) else {
@@ -64,7 +72,7 @@ fn sense(bencher: Bencher, (kind, options): (&str, &str)) {
     };
     let log = Collected::default();
     let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&scene).view(&view);
-    bencher.with_inputs(make_products).bench_local_values(|mut products| {
+    figures.time_on(&format!("{kind} {options}"), make_products, |mut products| {
         sensor.sense(&cx, &Stream::root(3), &mut products).expect("senses");
         products
     });

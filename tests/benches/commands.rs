@@ -1,19 +1,22 @@
-//! Seconds per thousand images of `stats`, `report` and `convert --to yolo` on a COCO dataset, on one thread.
+//! Wall and processor time of whole commands: the quickstart's job, then `stats`, `report`, `validate` and `convert` on a COCO
+//! dataset.
 //!
-//! `cargo bench -p syntable-tests --bench datasets [-- IMAGES]` (2000). Images of 160 × 120 pixels show 12 ellipses, with
-//! amodal, visible and occlusion masks as the writer `coco` stores them. `labels` are statistics without images.
+//! `cargo bench -p syntable-tests --bench commands [-- IMAGES]` (2000). `SYNTABLE` names another program to measure, such as an
+//! older release. Images of 160 × 120 pixels show 12 ellipses, with amodal, visible and occlusion masks as the writer `coco`
+//! stores them.
 
 use serde_json::json;
+use std::ffi::OsStr;
 use std::fs;
 use std::io::{BufWriter, Write as _};
 use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::Instant;
-use syntable::report::make::{ReportOptions, make};
-use syntable::stats::{self, StatisticsOptions};
-use syntable::{ConvertOptions, DatasetSource, ImageWork, Pool, Quiet, Registry, Stop, convert};
 use syntable_formats::encode::png::PngImage;
 use syntable_formats::segmentation::Rle;
 use syntable_model::prelude::*;
+use syntable_program as _;
+use syntable_testing::figures::{Figures, Unit, processor_seconds_of_children};
 
 const SIZE: [u32; 2] = [160, 120];
 const OBJECTS: usize = 12;
@@ -23,33 +26,42 @@ fn main() {
     let folder = tempfile::tempdir().expect("a folder");
     let data = folder.path().join("data");
     write(&data, images);
-    let registry = Registry::linked().expect("the stock plugins");
-    let (pool, stop) = (Pool::new(1).expect("a thread"), Stop::default());
-    let work = ImageWork { workers: &pool, reporter: &Quiet, stop: &stop };
-    let source = || DatasetSource::new(&data);
-    let statistics = |labels_only: bool| {
-        let options = StatisticsOptions { labels_only, ..StatisticsOptions::default() };
-        stats::compare(&registry, &[source()], None, &options, &work).expect("counted");
+    let data = data.as_os_str();
+    let program = std::env::var_os("SYNTABLE").unwrap_or_else(|| env!("CARGO_BIN_EXE_syntable-under-test").into());
+    let run = |name: &str, arguments: &[&OsStr], makes: &str| {
+        let mut command = Command::new(&program);
+        command
+            .args(arguments)
+            .env("SYNTABLE_CACHE", folder.path().join("cache"))
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
+        if !makes.is_empty() {
+            command.arg("--out").arg(folder.path().join(makes));
+        }
+        let (started, before) = (Instant::now(), processor_seconds_of_children());
+        let status = command.status().expect("the program starts");
+        assert!(status.success(), "`{name}` fails: {status}");
+        [started.elapsed().as_secs_f64(), processor_seconds_of_children() - before]
     };
-    let report = || {
-        let out = Some(folder.path().join("report"));
-        make(&registry, &ReportOptions { out, ..ReportOptions::new(source()) }, &work).expect("made");
+    let mut figures = Figures::new(env!("CARGO_PKG_NAME"), env!("CARGO_CRATE_NAME"));
+    let mut measure = |name: &str, arguments: &[&OsStr], makes: &str| {
+        let [wall, processor] = run(name, arguments, makes);
+        figures.put(name, wall, Unit::Seconds);
+        figures.put(&format!("{name}, processor"), processor, Unit::Seconds);
     };
-    let yolo = || {
-        let options =
-            ConvertOptions { threads: 1, ..ConvertOptions::new(&data, &["yolo"], folder.path().join("yolo")) };
-        convert(&registry, &options, &Quiet).expect("converted");
-    };
-    println!("seconds per 1000 images, of {images}");
-    let time = |what: &str, run: &dyn Fn()| {
-        let start = Instant::now();
-        run();
-        println!("{what:<10} {:8.3}", 1e3 * start.elapsed().as_secs_f64() / images as f64);
-    };
-    time("labels", &|| statistics(true));
-    time("stats", &|| statistics(false));
-    time("report", &report);
-    time("yolo", &yolo);
+    let words = |text: &'static str| text.split(' ').map(OsStr::new).collect::<Vec<_>>();
+    // The first job fills the cache.
+    measure("quickstart, empty cache", &words("run builtin:quickstart"), "first");
+    measure("quickstart", &words("run builtin:quickstart"), "second");
+    for (name, options, makes) in [
+        ("stats of labels", "stats --labels-only", ""),
+        ("stats", "stats", ""),
+        ("report", "report", "report"),
+        ("validate", "validate", ""),
+        ("convert to yolo", "convert --to yolo", "yolo"),
+    ] {
+        measure(name, &[&words(options)[..], &[data]].concat(), makes);
+    }
 }
 
 /// Writes a dataset with this number of images.
