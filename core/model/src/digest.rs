@@ -2,6 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::io::Read as _;
+
+/// Bytes that are read before a file counts as large.
+const SMALL_PART: u64 = 1 << 18;
+/// Bytes of a large file that are read at once.
+const LARGE_PART: u64 = 1 << 22;
+/// Bytes from which on threads share a part: sharing costs some microseconds.
+const SHARED_PART: usize = 1 << 19;
 
 /// A digest of content: equal content, equal digest, on any machine.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -15,23 +23,27 @@ impl Digest {
     }
 
     /// The digest of all bytes of a reader, and the number of these bytes. It is the plain BLAKE3 hash of the content,
-    /// cut to 32 hexadecimal digits, as `b3sum` prints it.
+    /// cut to 32 hexadecimal digits, as `b3sum` prints it. The threads of rayon's current pool share large content.
     pub fn of_reader(mut reader: impl std::io::Read) -> std::io::Result<(Self, u64)> {
         let mut hasher = blake3::Hasher::new();
-        let mut buffer = vec![0; 1 << 16];
-        let mut size = 0;
+        let (mut buffer, mut part, mut size) = (Vec::new(), SMALL_PART, 0);
         loop {
-            match reader.read(&mut buffer) {
-                Ok(0) => break,
-                Ok(read) => {
-                    hasher.update(&buffer[..read]);
-                    size += read as u64;
-                }
-                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
+            buffer.clear();
+            let read = reader.by_ref().take(part).read_to_end(&mut buffer)? as u64;
+            add_part(&mut hasher, &buffer);
+            size += read;
+            if read < part {
+                return Ok((Hasher(hasher).finish(), size));
             }
+            part = LARGE_PART;
         }
-        Ok((Hasher(hasher).finish(), size))
+    }
+
+    /// As [`of_reader`](Self::of_reader), of bytes in memory.
+    pub fn of_content(content: &[u8]) -> Self {
+        let mut hasher = blake3::Hasher::new();
+        add_part(&mut hasher, content);
+        Hasher(hasher).finish()
     }
 
     /// The first eight bytes as a number: a key for tables in memory.
@@ -72,6 +84,14 @@ impl TryFrom<String> for Digest {
         }
         Ok(Self(bytes))
     }
+}
+
+/// Adds a part of the content.
+fn add_part(hasher: &mut blake3::Hasher, part: &[u8]) {
+    match part.len() < SHARED_PART {
+        true => hasher.update(part),
+        false => hasher.update_rayon(part),
+    };
 }
 
 /// Builds a [`Digest`] from parts. Every part is length-prefixed, so that parts cannot run into each other.

@@ -24,6 +24,13 @@ impl Pool {
     }
 }
 
+impl Pool {
+    /// Runs a function on a thread of the pool. Parallel work inside it stays on these threads.
+    pub fn install<T: Send>(&self, run: impl FnOnce() -> T + Send) -> T {
+        self.0.install(run)
+    }
+}
+
 impl Workers for Pool {
     fn threads(&self) -> usize {
         self.0.current_num_threads()

@@ -5,6 +5,7 @@ use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Entries, Journal, JournalEntry, Notice, SceneLine};
 use crate::run::dataset::loss::Loss;
 use crate::run::dataset::manifest::Written;
+use crate::run::dataset::read_ahead::ReadAhead;
 use crate::run::dataset::records::{self, Records};
 use crate::run::dataset::scene_files::SceneFiles;
 use crate::run::decisions::work_list;
@@ -140,11 +141,11 @@ pub fn annotate_and_finish(
         }
         let done = scenes(&|line| line.writers().contains(id));
         let plan = &recipe.components.first().plan;
-        let opener = files.clone();
+        let shards = ReadAhead::new(&files, id, &done);
         let finish = Finish::new(folder.files(), id, done)
             .reading(plan.read_by(&writer.reads()))
             .staged(staged)
-            .opening(move |scene, path| opener.open(scene, path));
+            .opening(move |scene, path| shards.open(scene, path));
         let read = products.only(&reads);
         let finish = |cx: &DatasetContext| writer.finish(cx, &read, &finish);
         let ended = panics::quiet(|| panics::caught(&stage, || lender.lend(&stage, finish)));

@@ -96,7 +96,7 @@ fn run_in(
         scenes::make(recipe, options, (&pool, times), reporter, begun)?;
     let workers = &Stoppable { workers: &pool, stop: &options.stop };
     let end = || finish::end(recipe, reporter, workers, &folder, journal, &resolved, (options.repair, &wanted, &told));
-    let outcome = panics::unwound(end).map_err(stopping)?;
+    let outcome = pool.install(|| panics::unwound(end)).map_err(stopping)?;
     let outcome = RunOutcome { lacking, ..outcome };
     reporter.event(&Event::Finished {
         out: options.out.name().display().to_string(),

@@ -13,6 +13,7 @@ pub(crate) mod locking;
 pub(crate) mod loss;
 pub(crate) mod manifest;
 mod proposal;
+pub(crate) mod read_ahead;
 pub(crate) mod records;
 mod recovery;
 mod requests;
