@@ -54,7 +54,7 @@ impl ReadAhead {
         shards[position % READERS].recv().unwrap_or_else(|_| self.files.open(scene, path))
     }
 
-    /// Starts to read from the first scene on. The threads end after the last scene, or when nobody receives any more.
+    /// Starts to read from the first scene on. The threads end after the last scene, or with the receivers.
     fn start(&self) -> Ahead {
         let read = |first: usize| {
             let (sender, receiver) = sync_channel(1);
