@@ -2,14 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
-use std::io::Read as _;
-
-/// Bytes that are read before a file counts as large.
-const SMALL_PART: u64 = 1 << 18;
-/// Bytes of a large file that are read at once.
-const LARGE_PART: u64 = 1 << 22;
-/// Bytes from which on threads share a part: sharing costs some microseconds.
-const SHARED_PART: usize = 1 << 19;
+use std::io::Read;
 
 /// A digest of content: equal content, equal digest, on any machine.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -23,27 +16,19 @@ impl Digest {
     }
 
     /// The digest of all bytes of a reader, and the number of these bytes. It is the plain BLAKE3 hash of the content,
-    /// cut to 32 hexadecimal digits, as `b3sum` prints it. The threads of rayon's current pool share large content.
-    pub fn of_reader(mut reader: impl std::io::Read) -> std::io::Result<(Self, u64)> {
-        let mut hasher = blake3::Hasher::new();
-        let (mut buffer, mut part, mut size) = (Vec::new(), SMALL_PART, 0);
-        loop {
-            buffer.clear();
-            let read = reader.by_ref().take(part).read_to_end(&mut buffer)? as u64;
-            add_part(&mut hasher, &buffer);
-            size += read;
-            if read < part {
-                return Ok((Hasher(hasher).finish(), size));
-            }
-            part = LARGE_PART;
-        }
+    /// cut to 32 hexadecimal digits, as `b3sum` prints it.
+    pub fn of_reader(reader: impl Read) -> std::io::Result<(Self, u64)> {
+        of_parts(reader, 1 << 16, |hasher, part| {
+            hasher.update(part);
+        })
     }
 
-    /// As [`of_reader`](Self::of_reader), of bytes in memory.
-    pub fn of_content(content: &[u8]) -> Self {
-        let mut hasher = blake3::Hasher::new();
-        add_part(&mut hasher, content);
-        Hasher(hasher).finish()
+    /// As [`of_reader`](Self::of_reader), on all threads of rayon's current pool. While it waits, the thread may run other jobs
+    /// of the pool, so the caller must hold no lock that these need.
+    pub fn of_reader_on_threads(reader: impl Read) -> std::io::Result<(Self, u64)> {
+        of_parts(reader, 1 << 22, |hasher, part| {
+            hasher.update_rayon(part);
+        })
     }
 
     /// The first eight bytes as a number: a key for tables in memory.
@@ -86,12 +71,22 @@ impl TryFrom<String> for Digest {
     }
 }
 
-/// Adds a part of the content.
-fn add_part(hasher: &mut blake3::Hasher, part: &[u8]) {
-    match part.len() < SHARED_PART {
-        true => hasher.update(part),
-        false => hasher.update_rayon(part),
-    };
+/// The digest of a reader, by a function that adds parts of at most `size` bytes to the hash.
+fn of_parts(
+    mut reader: impl Read,
+    size: u64,
+    add: impl Fn(&mut blake3::Hasher, &[u8]),
+) -> std::io::Result<(Digest, u64)> {
+    let (mut hasher, mut part, mut all) = (blake3::Hasher::new(), Vec::new(), 0);
+    loop {
+        part.clear();
+        let read = reader.by_ref().take(size).read_to_end(&mut part)? as u64;
+        add(&mut hasher, &part);
+        all += read;
+        if read < size {
+            return Ok((Hasher(hasher).finish(), all));
+        }
+    }
 }
 
 /// Builds a [`Digest`] from parts. Every part is length-prefixed, so that parts cannot run into each other.
@@ -152,6 +147,26 @@ mod tests {
         let bytes: Vec<u8> = (0..1024_u32).map(|i| (i % 251) as u8).collect();
         let (digest, size) = of(&bytes);
         assert_eq!((digest.to_string().as_str(), size), ("42214739f095a406f3fc83deb889744a", 1024));
+    }
+
+    /// Parts of odd sizes, by one call of the hash and by both readers.
+    #[test]
+    fn readers_agree_with_one_hash_whatever_the_size() {
+        struct Odd<'a>(&'a [u8]);
+        impl Read for Odd<'_> {
+            fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+                let count = to.len().min(9_973);
+                self.0.read(&mut to[..count])
+            }
+        }
+        let all: Vec<u8> = (0..9 << 20_u32).map(|i| (i % 251) as u8).collect();
+        for size in [0, 1, (1 << 16) - 1, 1 << 16, (1 << 16) + 1, (1 << 22) - 1, 1 << 22, (1 << 22) + 1, all.len()] {
+            let content = &all[..size];
+            let expected = (blake3::hash(content).to_hex()[..32].to_owned(), size as u64);
+            let text = |(digest, size): (Digest, u64)| (digest.to_string(), size);
+            assert_eq!(text(Digest::of_reader(Odd(content)).expect("in memory")), expected);
+            assert_eq!(text(Digest::of_reader_on_threads(Odd(content)).expect("in memory")), expected);
+        }
     }
 
     #[test]

@@ -170,12 +170,12 @@ pub const ANNOTATIONS: Limit = Limit {
     remedy: "cut the image into tiles, or remove objects",
 };
 
-/// Annotations of one image among which the occlusion order is a matrix.
+/// Annotations of one image with an occlusion order.
 pub const ORDERED: Limit = Limit {
     what: "annotated objects of one image with an occlusion order",
     most: 20_000,
     is_bytes: false,
-    why: "the order is a matrix of a byte per pair: 400 MB for 20,000 objects",
+    why: "an order may have a pair for every two objects, and writers store it as a matrix: 400 MB for 20,000 objects",
     remedy: "cut the image into tiles, remove objects, or convert to a format without an order",
 };
 

@@ -534,12 +534,12 @@ impl OpenDataset {
     /// # Errors
     /// If a file or record cannot be read; the message names it.
     pub fn read_with_faults(&self, image: usize, wants: &[KeyId]) -> Result<(ReadImage, Vec<DatasetFault>)> {
-        match guarded(&self.reader, &self.root, || self.opened.source.read_with_faults(image, wants)) {
-            Ok((read, found)) => match outage(&self.mirrors) {
+        match guarded(&self.reader, &self.root, || Ok(self.opened.source.read_with_faults(image, wants))) {
+            Ok(read) => match outage(&self.mirrors) {
                 Some(error) => Err(error),
-                None => Ok((read, of_image(image, found))),
+                None => read.map(|(read, found)| (read, of_image(image, found))),
             },
-            // An image whose faults alone make the reader panic is readable.
+            // The reader panicked. If its faults are the cause, the image is readable.
             Err(_) => self.read(image, wants).map(|read| (read, self.image_faults(image))),
         }
     }

@@ -22,9 +22,7 @@ impl Pool {
                 Error::new(format!("{threads} threads cannot be started: {error}")).help("set `options.threads`")
             })
     }
-}
 
-impl Pool {
     /// Runs a function on a thread of the pool. Parallel work inside it stays on these threads.
     pub fn install<T: Send>(&self, run: impl FnOnce() -> T + Send) -> T {
         self.0.install(run)

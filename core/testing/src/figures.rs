@@ -98,8 +98,9 @@ impl Figures {
     /// Records a figure that the benchmark prints itself.
     ///
     /// # Panics
-    /// If the file cannot be written.
+    /// If the value is not finite, or the file cannot be written.
     pub fn keep(&mut self, name: &str, value: f64, unit: Unit) {
+        assert!(value.is_finite(), "{name}: {value}");
         self.all.push(json!({ "name": name, "value": value, "unit": unit.symbol() }));
         let text = serde_json::to_string_pretty(&self.all).expect("text and numbers");
         std::fs::write(&self.file, text + "\n").expect("the file of figures");

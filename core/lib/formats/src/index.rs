@@ -97,7 +97,7 @@ impl Indexed {
         if window.rest().starts_with(&MARK) {
             window.consume(MARK.len());
         }
-        let (window, failure, taken) = (RefCell::new(window), RefCell::new(None), RefCell::default());
+        let (window, failure, unseen) = (RefCell::new(window), RefCell::new(None), RefCell::default());
         let mut index = Self {
             path: path.to_owned(),
             info: CocoInfo::default(),
@@ -107,14 +107,14 @@ impl Indexed {
         };
         let mut json = serde_json::Deserializer::from_reader(WindowReader(&window));
         let mut track = serde_path_to_error::Track::new();
-        let whole = FileSeed { window: &window, failure: &failure, taken: &taken, index: &mut index, each };
+        let whole = FileSeed { window: &window, failure: &failure, unseen: &unseen, index: &mut index, each };
         let fail = |error: serde_json::Error, field: Option<String>| match (failure.take(), error.io_error_kind()) {
             (Some(failure), _) => failure.in_file(path),
             (None, Some(kind)) if kind != io::ErrorKind::UnexpectedEof => Error::io(path, &error.into()),
             _ => {
                 let text = text_from(path, before(window.borrow().at()));
-                let unseen: usize = taken.borrow().iter().map(|bytes| line_breaks(path, bytes)).sum();
-                located(&error, field.as_deref(), &text).at_line(error.line() + unseen).in_file(path)
+                let lines: usize = unseen.borrow().iter().map(|bytes| line_breaks(path, bytes)).sum();
+                located(&error, field.as_deref(), &text).at_line(error.line() + lines).in_file(path)
             }
         };
         let read = whole.deserialize(serde_path_to_error::Deserializer::new(&mut json, &mut track));
@@ -205,8 +205,8 @@ struct FileSeed<'w, I, A, S> {
     window: &'w RefCell<Window>,
     /// The error of a record, which the parser does not know.
     failure: &'w RefCell<Option<Error>>,
-    /// The bytes that the parser has not seen, since records were read from them.
-    taken: &'w RefCell<Vec<Range<u64>>>,
+    /// The bytes that the parser of the file has not seen, since records were read from them.
+    unseen: &'w RefCell<Vec<Range<u64>>>,
     index: &'w mut Indexed,
     each: &'w mut dyn FnMut(IndexedRecord<I, A, S>),
 }
@@ -237,7 +237,7 @@ where
     }
 
     fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<(), M::Error> {
-        let Self { window, failure, taken, index, each } = self;
+        let Self { window, failure, unseen, index, each } = self;
         let path = index.path.clone();
         while let Some(key) = map.next_key::<String>()? {
             let Some(section) = RecordSection::ALL.into_iter().find(|section| section.name() == key) else {
@@ -257,7 +257,7 @@ where
             if !ends.is_empty() {
                 return Err(M::Error::duplicate_field(section.name()));
             }
-            let of = SectionSource { path: &path, section, window, failure, taken };
+            let of = SectionSource { path: &path, section, window, failure, unseen };
             match section {
                 RecordSection::Images => {
                     map.next_value_seed(ListSeed::of(of, ends, |it| each(IndexedRecord::Image(it))))?
@@ -285,7 +285,7 @@ struct SectionSource<'l> {
     section: RecordSection,
     window: &'l RefCell<Window>,
     failure: &'l RefCell<Option<Error>>,
-    taken: &'l RefCell<Vec<Range<u64>>>,
+    unseen: &'l RefCell<Vec<Range<u64>>>,
 }
 
 /// Reads a list of records, and the offset where each ends.
@@ -326,8 +326,8 @@ impl<'l, T: DeserializeOwned, F: FnMut(T)> ListSeed<'l, T, F> {
                 }
                 Some(_) => {}
             }
-            let before = (window.at() - start) as usize;
-            let record = self.record(window, most.saturating_sub(before).max(1))?;
+            let space = (window.at() - start) as usize;
+            let record = self.record(window, most.saturating_sub(space).max(1))?;
             self.ends.push(window.at());
             (self.each)(record);
         }
@@ -341,7 +341,7 @@ impl<'l, T: DeserializeOwned, F: FnMut(T)> ListSeed<'l, T, F> {
             let (read, length) = (records.next(), records.byte_offset());
             let has_all = window.is_at_end() || text.len() == most;
             match read {
-                // A number at the end of the window may go on behind it.
+                // A number at the end of the window may go on behind it, and a cut escape or word is any error, not only an end.
                 Some(Ok(record)) if has_all || length < text.len() => {
                     window.consume(length);
                     return Ok(record);
@@ -390,7 +390,7 @@ impl<'de, T: DeserializeOwned, F: FnMut(T)> DeserializeSeed<'de> for ListSeed<'_
     type Value = ();
 
     fn deserialize<D: Deserializer<'de>>(mut self, deserializer: D) -> Result<(), D::Error> {
-        let SectionSource { window, failure, taken, .. } = self.from;
+        let SectionSource { window, failure, unseen, .. } = self.from;
         let mut list = window.borrow_mut();
         let start = list.at();
         let read = match list.next_byte() {
@@ -400,13 +400,13 @@ impl<'de, T: DeserializeOwned, F: FnMut(T)> DeserializeSeed<'de> for ListSeed<'_
             }
             // The parser, which has read no byte of the value, knows the error.
             Ok(_) => {
-                taken.borrow_mut().push(start..list.at());
+                unseen.borrow_mut().push(start..list.at());
                 drop(list);
                 return deserializer.deserialize_seq(self);
             }
             Err(error) => Err(self.unreadable(&error)),
         };
-        taken.borrow_mut().push(start..list.at());
+        unseen.borrow_mut().push(start..list.at());
         read.map_err(|error| {
             let text = error.message().to_owned();
             failure.replace(Some(error));

@@ -207,6 +207,36 @@ impl<R: Read> Read for CountingReader<'_, R> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use syntable_model::prelude::{PerInstance, Plane};
+    use syntable_model::product::Product;
+    use syntable_model::random::Stream;
+    use syntable_model::scene::InstanceId;
+
+    /// A value of any form, with up to three levels of lists and records.
+    fn value(stream: &mut Stream, level: u32) -> Value {
+        match stream.below(if level < 3 { 11 } else { 8 }) {
+            0 => Value::Null,
+            1 => Value::Bool(stream.below(2) == 1),
+            2 => Value::Int(stream.below(1 << 40) as i64 - (1 << 39)),
+            3 => Value::Uint(u64::MAX - stream.below(9)),
+            4 => Value::Float([0.0, -1.5, 1e300, f64::NAN, f64::INFINITY][stream.below(5) as usize]),
+            5 => Value::Text(["", "é\"\n"][stream.below(2) as usize].to_owned()),
+            6 => Plane::from_fn(2, 2, |x, y| x as f32 + 0.5 * y as f32).encode(),
+            7 => PerInstance::from_iter([(InstanceId(2), 0.5_f64)]).encode(),
+            8 => Value::List((0..stream.below(4)).map(|_| value(stream, level + 1)).collect()),
+            _ => Value::Record((0..stream.below(4)).map(|at| (format!("f{at}"), value(stream, level + 1))).collect()),
+        }
+    }
+
+    #[test]
+    fn records_read_directly_are_those_read_through_json() {
+        let mut stream = Stream::root(8);
+        for _ in 0..2_000 {
+            let value = value(&mut stream, 0);
+            let [direct, through] = [of_record::<Json>(&value), typed::<Json>(&value)].map(|read| read.ok());
+            assert_eq!(direct, through, "{value:?}");
+        }
+    }
 
     #[test]
     fn values_are_counted_outside_of_texts() {

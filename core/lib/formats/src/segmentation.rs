@@ -91,9 +91,7 @@ impl Segmentation {
             Err(Error::new(format!("the mask has the size {size}, its image [{height}, {width}]")))
         }
     }
-}
 
-impl Segmentation {
     /// Reads the text of a mask without faults; none if it has one, which [`Deserialize`] explains.
     pub fn of_text(text: &str) -> Option<Self> {
         match text.as_bytes().first()? {

@@ -118,16 +118,9 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     let journal = journal.into_inner();
     let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains(*scene)).collect();
     let told = BTreeSet::new();
-    let outcome = finish::end(
-        &recipe,
-        reporter,
-        &pool,
-        &begun.folder,
-        journal,
-        &resolved,
-        (false, &WantedScenes::of_range(0..0), &told),
-    )
-    .map_err(stopping)?;
+    let none = WantedScenes::of_range(0..0);
+    let end = || finish::end(&recipe, reporter, &pool, &begun.folder, journal, &resolved, (false, &none, &told));
+    let outcome = pool.install(end).map_err(stopping)?;
     let missing = lacks.len() as u32;
     if missing > 0 {
         let all = count(recipe.dataset.scenes, "scene");

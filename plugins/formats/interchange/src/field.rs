@@ -43,10 +43,10 @@ impl<T> LenientField<T> {
 }
 
 impl<T: for<'a> Deserialize<'a>> LenientField<T> {
-    /// Reads the value of this field of a record.
+    /// Reads the value of this field of a record. A value that follows `null` replaces it.
     ///
     /// # Errors
-    /// If the record has the field twice, or the value is no JSON.
+    /// If the record has two values of the field, or a value is no JSON.
     pub fn read<'de, A: MapAccess<'de>>(&mut self, name: &'static str, fields: &mut A) -> Result<(), A::Error> {
         self.read_by(|text| serde_json::from_str(text).ok(), name, fields)
     }

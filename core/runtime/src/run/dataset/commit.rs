@@ -80,7 +80,7 @@ impl Folder {
             stale.files.insert(layout::manifest(scene), Stamp(0, Digest::of(&[])));
             Manifest::default()
         } else {
-            Manifest::of_tree(&staged, known)?
+            Manifest::of_tree(&staged, known, Digest::of_reader)?
         };
         let mut manifest = kept;
         manifest.writers.extend(written);

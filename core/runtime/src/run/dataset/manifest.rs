@@ -10,7 +10,7 @@ use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
 use syntable_model::stage::unreadable;
-use syntable_model::store::{Kind, StoreFolder};
+use syntable_model::store::{Kind, StoreFolder, StoredFile};
 
 /// Files by their path, relative to the dataset, with `/` between folders.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,6 +24,9 @@ pub struct Manifest {
 
 /// Files with their sizes and digests.
 pub type Files = BTreeMap<DatasetPath, Stamp>;
+
+/// A function that hashes a file, such as [`Digest::of_reader`].
+pub type HashFile = fn(StoredFile) -> std::io::Result<(Digest, u64)>;
 
 /// Files of a scene by the id of their writer.
 pub type Written = BTreeMap<String, BTreeSet<DatasetPath>>;
@@ -48,9 +51,14 @@ pub enum FileState {
 impl Stamp {
     /// Reads a file of a dataset.
     pub fn of(dataset: &StoreFolder, path: &DatasetPath) -> Result<Self> {
+        Self::by(Digest::of_reader, dataset, path)
+    }
+
+    /// Reads a file of a dataset, and hashes it by a function.
+    fn by(hash: HashFile, dataset: &StoreFolder, path: &DatasetPath) -> Result<Self> {
         let fail = |error: std::io::Error| Error::io(dataset.name_of(path), &error);
         let opened = dataset.open(path)?.ok_or_else(|| fail(ErrorKind::NotFound.into()))?;
-        Digest::of_reader(opened).map(|(digest, size)| Self(size, digest)).map_err(fail)
+        hash(opened).map(|(digest, size)| Self(size, digest)).map_err(fail)
     }
 
     /// Reads a file of this machine.
@@ -72,7 +80,8 @@ impl Stamp {
 
     /// The stamp of a file with this content.
     pub fn of_bytes(bytes: &[u8]) -> Self {
-        Self(bytes.len() as u64, Digest::of_content(bytes))
+        let (digest, size) = Digest::of_reader(bytes).expect("memory can be read");
+        Self(size, digest)
     }
 
     /// Compares a file of a dataset with its stamp. Reads the content only if the size matches, and never through a
@@ -99,24 +108,25 @@ impl Stamp {
 }
 
 impl Manifest {
-    /// Lists the files of a folder, and syncs them to disk. Files that are `known` are neither read nor synced.
-    pub fn of_tree(folder: &StoreFolder, known: &Files) -> Result<Self> {
+    /// Lists the files of a folder, and syncs them to disk. Files that are `known` are neither read nor synced; `hash` hashes the
+    /// others.
+    pub fn of_tree(folder: &StoreFolder, known: &Files, hash: HashFile) -> Result<Self> {
         let mut manifest = Self::default();
-        manifest.add_tree(folder, "", known)?;
+        manifest.add_tree(folder, "", known, hash)?;
         Ok(manifest)
     }
 
-    fn add_tree(&mut self, folder: &StoreFolder, inside: &str, known: &Files) -> Result<()> {
+    fn add_tree(&mut self, folder: &StoreFolder, inside: &str, known: &Files, hash: HashFile) -> Result<()> {
         for (name, kind) in folder.list(inside)? {
             let inside = if inside.is_empty() { name } else { format!("{inside}/{name}") };
             match kind {
-                Kind::Folder => self.add_tree(folder, &inside, known)?,
+                Kind::Folder => self.add_tree(folder, &inside, known, hash)?,
                 Kind::File => {
                     let path = DatasetPath::new(inside).map_err(|error| Error::new(error.to_string()))?;
                     let stamp = match known.get(&path) {
                         Some(stamp) => *stamp,
                         None => {
-                            let stamp = Stamp::of(folder, &path)?;
+                            let stamp = Stamp::by(hash, folder, &path)?;
                             folder.sync(&path)?;
                             stamp
                         }

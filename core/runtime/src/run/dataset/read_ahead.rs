@@ -4,7 +4,7 @@ use crate::run::dataset::scene_files::SceneFiles;
 use parking_lot::Mutex;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
-use std::thread;
+use std::thread::{self, JoinHandle};
 use syntable_model::error::Result;
 use syntable_model::files::DatasetPath;
 use syntable_model::scene::SceneId;
@@ -23,12 +23,27 @@ pub struct ReadAhead {
     ahead: Mutex<Option<Ahead>>,
 }
 
-/// The shards on their way.
+/// The shards that threads read.
 struct Ahead {
     /// Position of the next scene.
     next: usize,
-    /// A channel for each thread. The shard of position `i` comes through channel `i % READERS`.
-    shards: Vec<Receiver<Result<StoredFile>>>,
+    /// The readers. Reader `i % READERS` sends the shard of position `i`.
+    readers: Vec<Reader>,
+}
+
+/// A thread that reads every [`READERS`]-th shard.
+struct Reader {
+    shards: Option<Receiver<Result<StoredFile>>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Drop for Reader {
+    fn drop(&mut self) {
+        // Without a receiver the thread ends after the shard that it reads.
+        self.shards = None;
+        // A panic of the thread was reported when its shard was missing.
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
 }
 
 impl ReadAhead {
@@ -37,39 +52,47 @@ impl ReadAhead {
         Self { files: files.clone(), id: id.to_owned(), scenes: scenes.into(), ahead: Mutex::default() }
     }
 
-    /// Opens the shard of a scene, at the given path. Writers that ask for scenes in order wait the least.
+    /// Opens a shard of a scene. Writers that ask for scenes in order wait the least.
     ///
     /// # Errors
     /// As of [`SceneFiles::open`].
     pub fn open(&self, scene: SceneId, path: &DatasetPath) -> Result<StoredFile> {
-        let Ok(position) = self.scenes.binary_search(&scene) else { return self.files.open(scene, path) };
-        let mut ahead = self.ahead.lock();
-        if ahead.as_ref().is_none_or(|ahead| ahead.next != position) {
-            // A pass over one scene needs no thread, nor does a single look into the middle.
-            *ahead = (position == 0 && self.scenes.len() > 1).then(|| self.start());
-        }
-        let Some(Ahead { next, shards }) = ahead.as_mut() else { return self.files.open(scene, path) };
-        *next += 1;
-        // A thread that panicked sends nothing.
-        shards[position % READERS].recv().unwrap_or_else(|_| self.files.open(scene, path))
+        self.next_shard(scene, path).unwrap_or_else(|| self.files.open(scene, path))
     }
 
-    /// Starts to read from the first scene on. The threads end after the last scene, or with the receivers.
-    fn start(&self) -> Ahead {
-        let read = |first: usize| {
+    /// The shard of the next scene; none if the scene is not the next, or if no thread can read it.
+    fn next_shard(&self, scene: SceneId, path: &DatasetPath) -> Option<Result<StoredFile>> {
+        let position = self.scenes.binary_search(&scene).ok()?;
+        if shard_path(&self.id, scene).ok().as_ref() != Some(path) {
+            return None;
+        }
+        let ahead = self.ahead.lock().take().filter(|ahead| ahead.next == position);
+        // A pass over one scene needs no thread, nor does a single look into the middle.
+        let is_start = position == 0 && self.scenes.len() > 1;
+        let mut ahead = ahead.or_else(|| is_start.then(|| self.start()).flatten())?;
+        let shard = ahead.readers[position % READERS].shards.as_ref()?.recv().ok();
+        ahead.next += 1;
+        *self.ahead.lock() = Some(ahead);
+        shard
+    }
+
+    /// Starts to read from the first scene on; none if the system starts no thread.
+    fn start(&self) -> Option<Ahead> {
+        let reader = |first: usize| {
             let (sender, receiver) = sync_channel(1);
             let (files, id, scenes) = (self.files.clone(), self.id.clone(), self.scenes.clone());
-            thread::spawn(move || {
+            let read = move || {
                 for &scene in scenes.iter().skip(first).step_by(READERS) {
                     let opened = shard_path(&id, scene).and_then(|path| files.open(scene, &path));
                     if sender.send(opened).is_err() {
                         break;
                     }
                 }
-            });
-            receiver
+            };
+            let thread = thread::Builder::new().name("shards".to_owned()).spawn(read).ok()?;
+            Some(Reader { shards: Some(receiver), thread: Some(thread) })
         };
-        Ahead { next: 0, shards: (0..READERS).map(read).collect() }
+        Some(Ahead { next: 0, readers: (0..READERS).map(reader).collect::<Option<_>>()? })
     }
 }
 
