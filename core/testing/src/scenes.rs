@@ -47,6 +47,8 @@ pub fn object(name: &str, mesh: Mesh, color: [f32; 3]) -> Arc<Object> {
         materials: vec![Arc::new(material)],
         collision: None,
         keypoints: Vec::new(),
+        support_areas: Vec::new(),
+        restitution: None,
         model: SourceModel::default(),
         friction: 0.5,
         license: String::new(),

@@ -130,6 +130,8 @@ fn scene(id: u32, objects: usize) -> Scene {
         materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
         keypoints: Vec::new(),
+        support_areas: Vec::new(),
+        restitution: None,
         model: SourceModel::default(),
         friction: 0.5,
         license: "CC0-1.0".into(),

@@ -2,7 +2,7 @@
 //!
 //! Rigid bodies made from scanned meshes push collision code to its limits: hulls of thousands of nearly coplanar
 //! points, parts thinner than a millimeter, a sphere that grazes a tabletop a thousand times its size. This crate
-//! replaces the three steps in which rounding errors turn into visible failures, and leaves the rest to parry:
+//! replaces the steps in which rounding errors turn into visible failures, and leaves the rest to parry:
 //!
 //! - [`ConvexHull`]: convex hull of points snapped to a fine grid, computed with integer orientation tests. It never
 //!   fails on finite input: flat and tiny inputs are thickened, and hulls of many points are simplified.
@@ -11,6 +11,7 @@
 //! - [`PolyhedronContacts`]: contact manifolds by clipping whole faces against each other, as a query dispatcher in
 //!   front of parry's own. Parry uses four vertices of each face, so a can rests on a sliver of its round bottom, tilts
 //!   and never falls asleep.
+//! - [`stable_poses`]: the poses in which a body rests on a plane, with their probabilities.
 //! - [`Polyhedron`] and [`Wall`]: shapes whose bounding boxes cost the engine little.
 //!
 //! **Accuracy.** A hull vertex is an input point rounded to the grid. No input point is outside the plane of a face by
@@ -26,13 +27,17 @@
 mod depth;
 mod hull;
 mod manifold;
+mod outline;
 mod polytope;
 mod shapes;
+mod stable;
 
 pub use depth::{MinimumTranslation, minimum_translation, penetration_depth, separation_along};
 pub use hull::{ConvexHull, HullOptions};
 pub use manifold::{ContactPoint, Contacts, PolyhedronContacts, polyhedron_contacts};
+pub use outline::{convex_outline, outline_area};
 pub use shapes::{Polyhedron, Wall};
+pub use stable::{STABLE_VERSION, StablePose, stable_poses};
 
 /// Version of the hull algorithm: part of the key of cached hulls.
 ///

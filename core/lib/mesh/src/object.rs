@@ -66,6 +66,8 @@ impl Model {
                 .collect(),
             collision: None,
             keypoints: Vec::new(),
+            support_areas: Vec::new(),
+            restitution: None,
             model: SourceModel::default(),
             mass,
             friction: FRICTION,

@@ -376,6 +376,8 @@ mod tests {
             materials,
             collision: None,
             keypoints: Vec::new(),
+            support_areas: Vec::new(),
+            restitution: None,
             model: SourceModel::default(),
             friction: 0.5,
             license: String::new(),

@@ -1,6 +1,6 @@
 //! Assets, which sources load and pools provide.
 
-use super::{EnvironmentMap, MassOrigin, MassProperties, Material, Mesh, Symmetries};
+use super::{EnvironmentMap, MassOrigin, MassProperties, Material, Mesh, SupportArea, Symmetries};
 use crate::digest::{Digest, Hasher};
 use crate::error::{Error, Result};
 use crate::geometry::{Point3, Vector3};
@@ -234,10 +234,14 @@ pub struct Object {
     pub collision: Option<Arc<Vec<ConvexPart>>>,
     /// Named points, in the order of their annotation file; empty if it has none.
     pub keypoints: Vec<Keypoint>,
+    /// Level areas that carry other objects, lowest first, where the source knows them: of a bin, a shelf.
+    pub support_areas: Vec<SupportArea>,
     /// Mass, center of mass and inertia.
     pub mass: MassProperties,
     /// Coulomb friction coefficient.
     pub friction: f64,
+    /// Coefficient of restitution, 0 to 1, if it is known.
+    pub restitution: Option<f64>,
     /// License as an SPDX expression or name; empty if unknown.
     pub license: String,
     /// Digest of everything that shapes or colors it.
@@ -262,6 +266,7 @@ impl Object {
                 .into_iter()
                 .map(|Keypoint { name, point }| Keypoint { name, point: ((point + offset).coords * factor).into() })
                 .collect(),
+            support_areas: self.support_areas.into_iter().map(|area| area.transformed(offset, factor)).collect(),
             materials: self.materials.into_iter().map(|material| material.enlarged(factor)).collect(),
             model: self.model.transformed(offset, factor),
             mass: self.mass.transformed(offset, factor),

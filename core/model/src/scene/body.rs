@@ -86,7 +86,8 @@ pub struct Body<Id = InstanceId> {
     pub mass: MassProperties,
     /// Coulomb friction coefficient: the coefficient of the object, unless the placer sets another.
     pub friction: f64,
-    /// Coefficient of restitution, 0 to 1; if not set, the settler's coefficient applies.
+    /// Coefficient of restitution, 0 to 1: the coefficient of the object, unless the placer sets another. If not set, the
+    /// settler's coefficient applies.
     pub restitution: Option<f64>,
     /// Poses over time of a body that moves by a script; see [`BodyDraft::scripted`].
     pub trajectory: Option<Arc<Trajectory>>,
@@ -101,7 +102,7 @@ pub type BodyDraft = Body<()>;
 impl BodyDraft {
     /// A body with the object's own materials.
     pub fn new(asset: AssetRef, object: Arc<Object>, world_from_body: Pose, role: Role, motion: Motion) -> Self {
-        let (mass, friction) = (object.mass, object.friction);
+        let (mass, friction, restitution) = (object.mass, object.friction, object.restitution);
         Self {
             id: (),
             asset,
@@ -113,7 +114,7 @@ impl BodyDraft {
             recolor: None,
             mass,
             friction,
-            restitution: None,
+            restitution,
             trajectory: None,
             spawn: 0,
         }

@@ -41,7 +41,7 @@ pub use moments::Moments;
 pub use recolor::{ColorMatrix, Recolor};
 pub use rig::RigView;
 pub use settled::{PlacedBodies, Settled};
-pub use support::{DropZone, Region, Support, Supports};
+pub use support::{DropZone, Region, Support, SupportArea, Supports, Walls, is_in_group};
 pub use symmetry::{Symmetries, SymmetryAxis};
 pub use texture::{Encoding, Texture, TextureRef, UvTransform, Wrap};
 pub use topology::{Topology, weld};
@@ -89,6 +89,9 @@ pub struct SettleReport {
     pub respawned: u32,
     /// Number of distractors that were taken out.
     pub removed_distractors: u32,
+    /// Number of bodies that were not poured because their support was full.
+    #[serde(default)]
+    pub spare: u32,
     /// Objects that were taken out, in spawn order.
     pub removed: Vec<Removal>,
 }
@@ -129,9 +132,8 @@ impl SceneBuilder {
 
     /// The drop zone that the placer set for a body, or else the whole main support. None if the scene has no support.
     pub fn drop_zone(&self, handle: BodyHandle) -> Option<DropZone> {
-        let anywhere = |support: &Support| DropZone { support: support.clone(), area: support.surface };
         let stated = self.zones.get(handle.0).cloned().flatten();
-        stated.or_else(|| self.supports.main().map(anywhere))
+        stated.or_else(|| self.supports.main().cloned().map(DropZone::on))
     }
 
     /// Takes a body out, if it is still there.

@@ -7,6 +7,7 @@ use crate::text::code::Code;
 use crate::text::diagnostic::DiagnosticBuilder;
 use crate::text::suggest::{did_you_mean, listing};
 use syntable_model::registry::{Slot, Stage};
+use syntable_model::scene::is_in_group;
 use syntable_model::stage::{Part, PartUse, Placer};
 
 /// A step of `[[place]]`.
@@ -229,7 +230,7 @@ fn unknown_supports(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuil
     let names = supports(steps);
     let stages = stages.iter().filter(|stage| stage.slot != Slot::Place);
     let named = stages.flat_map(|stage| &stage.supports);
-    let unknown = named.filter(|(name, _)| !names.contains(&name.as_str()));
+    let unknown = named.filter(|(name, _)| !names.iter().any(|set| may_name(name, set)));
     let diagnostic = |(name, span): &(String, crate::text::source::Span)| {
         let message = format!("no step of [[place]] sets a support `{name}`");
         let diagnostic = DiagnosticBuilder::error(Code::Placers, span.clone(), message);
@@ -256,7 +257,16 @@ fn supports<'s>(steps: &'s [Step]) -> Vec<&'s str> {
 
 /// Whether a part that a step sets is one that another step needs.
 fn meets(set: &Part, needed: &Part) -> bool {
-    set == needed || matches!((set, needed), (Part::Support(_), Part::MainSupport))
+    match (set, needed) {
+        (Part::Support(_), Part::MainSupport) => true,
+        (Part::Support(set), Part::Support(needed)) => may_name(needed, set),
+        _ => set == needed,
+    }
+}
+
+/// Whether a name in a recipe can stand for supports that a step sets: for one of them, or for a group of them.
+fn may_name(name: &str, set: &str) -> bool {
+    is_in_group(set, name) || is_in_group(name, set)
 }
 
 /// A part, for messages.

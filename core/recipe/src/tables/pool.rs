@@ -71,8 +71,8 @@ pub struct PoolOptions {
     /// the mass from the source; where the source knows it, it grows with the cube of `scale`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mass: Option<Mass>,
-    /// TOML file with facts on single objects: a table per name with `mass_kg`, `density_kg_m3` or `friction`, such as
-    /// `["024_bowl"]` and below it `mass_kg = 0.147`. It goes before `mass`.
+    /// TOML file with facts on single objects: a table per name or category with `mass_kg`, `density_kg_m3`, `friction` or
+    /// `restitution`, such as `["024_bowl"]` and below it `mass_kg = 0.147`. It goes before `mass`, and a name before its category.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-syntable-ref" = "file"))]
     pub properties: Option<AssetPath>,
@@ -172,9 +172,22 @@ pub struct ObjectProperties {
     pub density_kg_m3: Option<f64>,
     /// Coulomb friction coefficient.
     pub friction: Option<f64>,
+    /// Coefficient of restitution.
+    pub restitution: Option<f64>,
 }
 
 impl ObjectProperties {
+    /// These properties, and where they are silent, others such as those of the category.
+    pub fn or(self, other: Self) -> Self {
+        let states_mass = self.mass_kg.is_some() || self.density_kg_m3.is_some();
+        Self {
+            mass_kg: if states_mass { self.mass_kg } else { other.mass_kg },
+            density_kg_m3: if states_mass { self.density_kg_m3 } else { other.density_kg_m3 },
+            friction: self.friction.or(other.friction),
+            restitution: self.restitution.or(other.restitution),
+        }
+    }
+
     /// The key of a value that makes no sense, and why.
     fn invalid(&self) -> Option<(&'static str, String)> {
         let out_of = |key, value: Option<f64>, low: f64, high: f64| {
@@ -185,6 +198,7 @@ impl ObjectProperties {
         out_of("mass_kg", self.mass_kg, 0.0, 1e5)
             .or_else(|| out_of("density_kg_m3", self.density_kg_m3, 0.0, 1e5))
             .or_else(|| out_of("friction", self.friction, -f64::MIN_POSITIVE, 10.0))
+            .or_else(|| out_of("restitution", self.restitution, -f64::MIN_POSITIVE, 1.0))
             .or_else(|| both.then(|| ("density_kg_m3", "`mass_kg` says the mass already".to_owned())))
     }
 }
@@ -249,7 +263,7 @@ impl PoolOptions {
         self.split.as_ref().map_or(Ok(()), |split| split.sizes().map(drop))
     }
 
-    /// The tables of the file of properties, by name. Warns of names that the source does not have.
+    /// The tables of the file of properties, by name or category. Warns of names that the source does not have.
     pub fn properties(&self, entries: &[CatalogEntry], log: &dyn Log) -> Result<BTreeMap<String, ObjectProperties>> {
         let Some(file) = &self.properties else { return Ok(BTreeMap::new()) };
         let bytes = read_small(file.path()).map_err(|error| Error::io(file.path(), &error))?;
@@ -267,11 +281,13 @@ impl PoolOptions {
                 return Err(Error::new(format!("`{name}`: `{key}`: {problem}")).in_file(file.path()));
             }
         }
-        let known: BTreeSet<&str> = entries.iter().map(|entry| entry.name.as_str()).collect();
+        let classes = self.classes.keys().map(String::as_str);
+        let named = entries.iter().flat_map(|entry| [entry.name.as_str(), entry.category.as_str()]);
+        let known: BTreeSet<&str> = named.chain(classes).collect();
         let unknown: Vec<&str> = table.keys().map(String::as_str).filter(|name| !known.contains(name)).collect();
         if !unknown.is_empty() {
             log.warn(
-                &Error::new(format!("the pool has no asset of these names: {}", unknown.join(", ")))
+                &Error::new(format!("the pool has no asset and no category of these names: {}", unknown.join(", ")))
                     .in_file(file.path())
                     .help(names_of(entries)),
             );

@@ -83,7 +83,8 @@ impl OpenPool<'_> {
             Center::Bottom => -Point3::new(center.x, center.y, bounds.min.z).coords,
             Center::None => Vector3::zeros(),
         };
-        let own = self.properties.get(&object.name).copied().unwrap_or_default();
+        let properties = |name: &str| self.properties.get(name).copied().unwrap_or_default();
+        let own = properties(&object.name).or(properties(&object.category));
         let volume = || Topology::of(&object.mesh).solid_volume() * scale.powi(3);
         let stated = match options.mass {
             _ if own.mass_kg.is_some() => own.mass_kg,
@@ -97,19 +98,24 @@ impl OpenPool<'_> {
             None => scaled_kg(&object, scale),
         };
         let friction = own.friction.unwrap_or(object.friction);
-        let digest = Hasher::new("pooled object")
+        let hasher = Hasher::new("pooled object")
             .digest(object.digest)
             .number(scale)
             .number(offset.x)
             .number(offset.y)
             .number(offset.z)
             .number(mass.0)
-            .number(friction)
-            .finish();
+            .number(friction);
+        let restitution = own.restitution.or(object.restitution);
+        let digest = match restitution {
+            Some(restitution) => hasher.number(restitution),
+            None => hasher,
+        }
+        .finish();
         let license = options.license.clone().unwrap_or_else(|| object.license.clone());
         let object = object.transformed(offset, scale)?;
         let mass = object.mass.with_kg(mass.0, mass.1);
-        let object = Object { mass, friction, digest, license, ..object };
+        let object = Object { mass, friction, restitution, digest, license, ..object };
         let stated = StatedLengths { units: options.units, scale: options.scale.factor(longest) };
         size::check(object.mesh.bounds().size().max(), stated)?;
         Ok(object)

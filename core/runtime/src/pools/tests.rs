@@ -138,9 +138,29 @@ fn scaled_objects_are_of_the_same_material() {
 }
 
 #[test]
+fn a_table_of_a_category_goes_after_the_table_of_a_name() {
+    let object = (*object("block", box_mesh([0.1, 0.2, 0.4]), [1.0; 3])).clone();
+    let category = ObjectProperties { mass_kg: Some(3.0), restitution: Some(0.4), ..ObjectProperties::default() };
+    let name = ObjectProperties { density_kg_m3: Some(100.0), friction: Some(0.2), ..ObjectProperties::default() };
+    let of = |named: &[(&str, ObjectProperties)]| {
+        let properties = named.iter().map(|(key, properties)| ((*key).to_owned(), *properties)).collect();
+        let options = PoolOptions::default();
+        OpenPool { properties, ..pool(&Nothing, &options) }.normalize(object.clone()).expect("sound")
+    };
+    let both = of(&[(&object.category, category), ("block", name)]);
+    assert!((both.mass.kg - 0.8).abs() < 1e-6, "its own density states the mass: {:?}", both.mass);
+    assert_eq!((both.friction, both.restitution), (0.2, Some(0.4)));
+    let one = of(&[(&object.category, category)]);
+    assert!((one.mass.kg - 3.0).abs() < 1e-6 && one.restitution == Some(0.4));
+    assert_ne!(one.digest, of(&[(&object.category, ObjectProperties { restitution: None, ..category })]).digest);
+}
+
+#[test]
 fn a_table_states_mass_density_and_friction() {
     let dense = PoolOptions { mass: Some(Mass::DensityKgM3(1000.0)), ..PoolOptions::default() };
-    let states = |mass_kg, density_kg_m3, friction| Some(ObjectProperties { mass_kg, density_kg_m3, friction });
+    let states = |mass_kg, density_kg_m3, friction| {
+        Some(ObjectProperties { mass_kg, density_kg_m3, friction, restitution: None })
+    };
     for (properties, kg, friction) in [
         (None, 8.0, 0.5),
         (states(Some(0.3), None, None), 0.3, 0.5),

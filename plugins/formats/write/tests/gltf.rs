@@ -46,6 +46,8 @@ fn object(name: &str, mesh: Arc<Mesh>, materials: Vec<Material>) -> Arc<Object> 
         materials: materials.into_iter().map(Arc::new).collect(),
         collision: None,
         keypoints: Vec::new(),
+        support_areas: Vec::new(),
+        restitution: None,
         model: SourceModel::default(),
         friction: 0.5,
         license: "CC0-1.0".into(),

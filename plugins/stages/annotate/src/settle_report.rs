@@ -39,6 +39,7 @@ struct Report<'a> {
     respawned: u32,
     removed: Vec<Removal<'a>>,
     removed_distractors: u32,
+    spare: u32,
 }
 
 /// A removed object.
@@ -64,6 +65,7 @@ impl<'a> From<&'a Scene> for Report<'a> {
             respawned: report.respawned,
             removed: report.removed.iter().map(Removal::from).collect(),
             removed_distractors: report.removed_distractors,
+            spare: report.spare,
         }
     }
 }

@@ -404,7 +404,7 @@ fn records_keep_their_fields_and_their_order() {
     assert_eq!(
         names(&products.value("settle_report").expect("made")),
         "objects attempt simulated_s residual_speed_m_s residual_angular_speed_rad_s deepest_penetration_m collision_deviation_m respawned removed \
-         removed_distractors"
+         removed_distractors spare"
     );
     run(&world, "bodies", "", &mut products);
     let Ok(Value::List(bodies)) = products.value("bodies") else { panic!("a list") };

@@ -98,6 +98,8 @@ pub(crate) fn object(name: &str, category: &str, model: HouseholdModel) -> Resul
         materials,
         collision: Some(Arc::new(parts)),
         keypoints: Vec::new(),
+        support_areas: Vec::new(),
+        restitution: None,
         model: SourceModel::default(),
         mass,
         friction,

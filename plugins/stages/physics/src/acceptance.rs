@@ -3,16 +3,20 @@
 use crate::engine::{Engine, Overlap};
 use crate::options::{OnViolation, Rapier, Remove};
 use crate::static_body::SupportSurface;
+use std::collections::VecDeque;
 use syntable_model::context::Workers;
 use syntable_model::geometry::{Aabb, Point3, Pose, Translation3, UnitQuaternion, Vector3};
 use syntable_model::random::Stream;
-use syntable_model::scene::{DropZone, Role, SettleReport};
+use syntable_model::scene::{DropZone, Region, Role, SettleReport};
 
 /// A respawned body starts this far above whatever is below it, meters.
 const RESPAWN_CLEARANCE_M: f64 = 0.03;
 
 /// After this multiple of `duration_s` of simulated time since all bodies have started, bodies are no longer respawned.
 const MAX_DURATIONS: f64 = 10.0;
+
+/// Time between two bodies that are poured on a support which is filled to a level, seconds.
+const FILL_INTERVAL_S: f64 = 0.1;
 
 /// Name of the random stream of respawn poses. The name affects the output: another name gives other datasets.
 const RESPAWN_STREAM: &str = "drop_again";
@@ -48,12 +52,22 @@ pub struct BodyInfo {
     pub place: Option<AcceptanceRegion>,
 }
 
+impl BodyInfo {
+    /// The support that the body fills to a level.
+    fn filled(&self) -> Option<&str> {
+        let zone = &self.place.as_ref()?.zone;
+        zone.full_at_m.is_some().then_some(&*zone.support.name)
+    }
+}
+
 /// The outcome: the figures of the report, and the bodies that were removed, by index.
 pub struct AcceptanceOutcome {
     /// Everything but `removed`.
     pub report: SettleReport,
     /// Removed bodies and the reason of each.
     pub removed: Vec<(usize, String)>,
+    /// Bodies that were not poured because their support was full.
+    pub spare: Vec<usize>,
 }
 
 /// A body that violates a limit.
@@ -83,6 +97,7 @@ pub struct Acceptance<'a> {
     /// Whether a body had more time since it was last respawned.
     waited: Vec<bool>,
     removed: Vec<(usize, String)>,
+    spare: Vec<usize>,
     /// Simulated time since all bodies have started, seconds.
     simulated_s: f64,
     report: SettleReport,
@@ -106,6 +121,7 @@ impl<'a> Acceptance<'a> {
             respawns: vec![0; infos.len()],
             waited: vec![false; infos.len()],
             removed: Vec::new(),
+            spare: Vec::new(),
             simulated_s: 0.0,
             report: SettleReport::default(),
         }
@@ -139,19 +155,43 @@ impl<'a> Acceptance<'a> {
         }
     }
 
-    /// Pours the bodies, if requested: they start one after another in the order of their placement. Returns the bodies
-    /// that fell off meanwhile.
+    /// Pours bodies: they start one after another in the order of their placement. With `pour_interval_s`, all bodies are poured;
+    /// otherwise only the bodies of supports that are filled to a level. Supports are filled side by side. Returns the bodies that
+    /// fell off meanwhile.
     fn pour(&mut self) -> Vec<Fallen> {
-        let Some(interval_s) = self.config.pour_interval_s else { return Vec::new() };
-        let order: Vec<usize> = self.engine.present().collect();
-        order.iter().for_each(|&body| self.engine.take(body));
+        let interval_s = self.config.pour_interval_s.unwrap_or(FILL_INTERVAL_S);
+        let mut queues: Vec<(Option<&'a str>, VecDeque<usize>)> = Vec::new();
+        for body in self.engine.present() {
+            let filled = self.infos[body].filled();
+            if filled.is_none() && self.config.pour_interval_s.is_none() {
+                continue;
+            }
+            match queues.iter_mut().find(|(support, _)| *support == filled) {
+                Some((_, queue)) => queue.push_back(body),
+                None => queues.push((filled, VecDeque::from([body]))),
+            }
+        }
+        queues.iter().flat_map(|(_, queue)| queue).for_each(|&body| self.engine.take(body));
         let mut off = Vec::new();
-        for body in order {
-            let pose = self.lifted(body, self.infos[body].start);
-            self.engine.put(body, &pose);
+        while queues.iter().any(|(_, queue)| !queue.is_empty()) {
+            for (support, queue) in &mut queues {
+                if support.is_some() && queue.front().is_some_and(|&body| self.is_full_for(body)) {
+                    self.spare.extend(queue.drain(..));
+                }
+                let Some(body) = queue.pop_front() else { continue };
+                let pose = self.lifted(body, self.infos[body].start);
+                self.engine.put(body, &pose);
+            }
             off.extend(self.simulate(interval_s));
         }
         off
+    }
+
+    /// Whether the pile on the support of a body has reached the body's level.
+    fn is_full_for(&self, body: usize) -> bool {
+        let Some(AcceptanceRegion { zone, .. }) = &self.infos[body].place else { return false };
+        let there = self.engine.present().filter(|&other| self.infos[other].filled() == self.infos[body].filled());
+        zone.full_at_m.is_some_and(|level| self.engine.mean_height(there, &zone.area) >= level)
     }
 
     /// Simulates for some time, or until all bodies sleep. Returns the objects that fell off their supports meanwhile.
@@ -161,8 +201,8 @@ impl<'a> Acceptance<'a> {
         // The whole body is below the surface, anywhere on the support.
         let is_below = |place: &AcceptanceRegion, bounds: &Aabb| {
             let top = Point3::new(bounds.center().x, bounds.center().y, bounds.max.z);
-            let region = &place.zone.support.surface;
-            top.z < region.height() && !surface.is_on(region, &top)
+            let region = place.zone.support.outline();
+            top.z < region.height() && !surface.is_on(&region, &top)
         };
         let mut fallen = Vec::new();
         let leaves = |body: usize, bounds: &Aabb| places[body].is_some_and(|place| is_below(place, bounds));
@@ -182,7 +222,7 @@ impl<'a> Acceptance<'a> {
                 Some("above the ceiling".to_owned())
             } else if support.top().is_some_and(|top| center.z > top) {
                 Some(format!("above the space of the {}", support.name))
-            } else if self.surface.is_on(&support.surface, &center) {
+            } else if self.surface.is_on(&support.outline(), &center) {
                 None
             } else if center.z < support.height() {
                 Some(place.fell_off())
@@ -311,34 +351,36 @@ impl<'a> Acceptance<'a> {
         let rotated = Pose::from_parts(Translation3::identity(), yaw * self.infos[body].start.rotation);
         let bounds = self.engine.bounds_at(body, &rotated);
         let (size, center, area) = (bounds.size(), bounds.center(), self.respawn_area(body));
-        let mut along = |axis: usize| {
-            let room = (area.size()[axis] - size[axis]).max(0.0);
-            stream.uniform(-0.5, 0.5) * room + area.center()[axis] - center[axis]
-        };
-        let shift = Translation3::new(along(0), along(1), area.min.z - bounds.min.z);
+        let mut along = |axis: usize| stream.uniform(-0.5, 0.5) * (area.edges()[axis] - size[axis]).max(0.0);
+        let place = area.point([along(0), along(1)]);
+        let shift = Translation3::new(place.x - center.x, place.y - center.y, area.height() - bounds.min.z);
         self.lifted(body, shift * rotated)
     }
 
     /// A pose lifted until the body is clear of everything that is below it.
     fn lifted(&self, body: usize, pose: Pose) -> Pose {
         let bounds = self.engine.bounds_at(body, &pose);
+        // A shelf board above ends the space, with the bodies on it.
+        let place = self.infos[body].place.as_ref();
+        let end = place.and_then(|place| place.zone.support.top()).unwrap_or(f64::INFINITY);
         let below = self.engine.present().map(|other| self.engine.bounds(other)).filter(|other| {
             (0..2).all(|axis| other.min[axis] < bounds.max[axis] && other.max[axis] > bounds.min[axis])
+                && other.min.z < end
         });
-        let top = below.map(|other| other.max.z).fold(self.respawn_area(body).min.z, f64::max);
+        let top = below.map(|other| other.max.z).fold(self.respawn_area(body).height(), f64::max);
         let lift = (top + RESPAWN_CLEARANCE_M - bounds.min.z).max(0.0);
         Translation3::new(0.0, 0.0, lift) * pose
     }
 
-    /// Flat box above which a body respawns: the drop area of its placer, or the extent of all bodies.
-    fn respawn_area(&self, body: usize) -> Aabb {
-        if let Some(AcceptanceRegion { zone: DropZone { area, .. }, .. }) = &self.infos[body].place {
-            let [x, y] = area.size().map(|edge| edge / 2.0);
-            let half = Vector3::new(x, y, 0.0);
-            return Aabb { min: area.center() - half, max: area.center() + half };
+    /// Region above which a body respawns: the drop area of its placer, or the extent of all bodies.
+    fn respawn_area(&self, body: usize) -> Region {
+        if let Some(AcceptanceRegion { zone, .. }) = &self.infos[body].place {
+            return zone.area;
         }
         let all = self.engine.present().map(|body| self.engine.bounds(body)).reduce(Aabb::union);
-        all.unwrap_or(Aabb { min: Point3::origin(), max: Point3::origin() })
+        let all = all.unwrap_or(Aabb { min: Point3::origin(), max: Point3::origin() });
+        let (center, size) = (all.center(), all.size());
+        Region::rectangle([center.x, center.y, all.min.z], [size.x, size.y])
     }
 
     fn finish(mut self, overlaps: &[Overlap]) -> AcceptanceOutcome {
@@ -348,6 +390,6 @@ impl<'a> Acceptance<'a> {
             self.report.residual_angular_speed_rad_s = self.report.residual_angular_speed_rad_s.max(angular_speed);
         }
         self.report.deepest_penetration_m = overlaps.iter().map(|overlap| overlap.depth).fold(0.0, f64::max);
-        AcceptanceOutcome { report: self.report, removed: self.removed }
+        AcceptanceOutcome { report: self.report, removed: self.removed, spare: self.spare }
     }
 }

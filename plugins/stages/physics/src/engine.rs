@@ -19,7 +19,7 @@ use crate::units::friction;
 use parry3d::bounding_volume::BoundingVolume;
 use parry3d::mass_properties::MassProperties;
 use parry3d::math::{Pose as EnginePose, Vector};
-use parry3d::query::{DefaultQueryDispatcher, QueryDispatcher};
+use parry3d::query::{DefaultQueryDispatcher, QueryDispatcher, Ray};
 use parry3d::shape::SharedShape;
 use rapier3d::dynamics::{RigidBodyBuilder, RigidBodyHandle};
 use rapier3d::geometry::{ColliderBuilder, NarrowPhase};
@@ -29,7 +29,7 @@ use syntable_convex::{PolyhedronContacts, Wall, penetration_depth};
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Aabb, Point3, Pose};
-use syntable_model::scene::{BodyDraft, MassProperties as BodyMass};
+use syntable_model::scene::{BodyDraft, MassProperties as BodyMass, Region};
 
 /// Minimum distance ahead of a moving body at which contacts are predicted, meters.
 const SPECULATIVE_M: f64 = 0.02;
@@ -48,6 +48,9 @@ const SLEEP_AFTER_S: f32 = 0.5;
 fn speculative(step_s: f64) -> f32 {
     units::length(SPECULATIVE_M.max(FALLING_M_S * step_s))
 }
+
+/// Points along each edge of a region at which the height of a pile is measured.
+const LEVEL_POINTS: usize = 16;
 
 /// Steps between two checks for bodies that have fallen off.
 const FALL_CHECK_STEPS: usize = 8;
@@ -270,6 +273,31 @@ impl Engine {
             let body = &self.world.bodies[rigid];
             (units::meters(body.linvel().length()), f64::from(body.angvel().length()))
         })
+    }
+
+    /// Mean height of bodies above a region, meters: of the highest point of any of them over each point of a grid, 0 where none is.
+    /// Bodies that fall do not count.
+    pub fn mean_height(&self, bodies: impl Iterator<Item = usize>, region: &Region) -> f64 {
+        let resting = bodies.filter(|&body| self.speeds(body).0 < ROLLING_M_S);
+        let resting: Vec<_> = resting.map(|body| (body, self.engine_pose(body), self.bounds(body))).collect();
+        let highest = resting.iter().map(|(.., bounds)| bounds.max.z).fold(region.height(), f64::max) + 0.01;
+        let at = |i: usize, edge: usize| ((i as f64 + 0.5) / LEVEL_POINTS as f64 - 0.5) * region.edges()[edge];
+        let mut sum = 0.0;
+        for i in 0..LEVEL_POINTS {
+            for k in 0..LEVEL_POINTS {
+                let mut from = region.point([at(i, 0), at(k, 1)]);
+                from.z = highest;
+                let ray = Ray::new(units::point(&from), -Vector::Z);
+                let is_below = |bounds: &Aabb| (0..2).all(|k| bounds.min[k] <= from[k] && from[k] <= bounds.max[k]);
+                let hits = resting
+                    .iter()
+                    .filter(|(.., bounds)| is_below(bounds))
+                    .filter_map(|(body, pose, _)| self.bodies[*body].shape.whole.cast_ray(pose, &ray, f32::MAX, true));
+                let nearest = hits.reduce(f32::min).map_or(f64::INFINITY, units::meters);
+                sum += (highest - nearest - region.height()).max(0.0);
+            }
+        }
+        sum / (LEVEL_POINTS * LEVEL_POINTS) as f64
     }
 
     /// All pairs of penetrating bodies, in order. The deepest static body represents all static ones.

@@ -102,7 +102,7 @@ impl Settler for Settle {
         for (_, body, shape) in &dynamic {
             engine.add(body, shape.clone());
         }
-        let (AcceptanceOutcome { report, removed }, poses) = engine.on_threads(self.threads, |engine| {
+        let (AcceptanceOutcome { report, removed, spare }, poses) = engine.on_threads(self.threads, |engine| {
             let acceptance = Acceptance::new(&self.config, engine, &infos, &surface, context.workers);
             let outcome = acceptance.run(&context.stream);
             let poses: Vec<(usize, Pose)> = engine.present().map(|body| (body, engine.pose(body))).collect();
@@ -113,8 +113,13 @@ impl Settler for Settle {
             scene.set_pose(dynamic[index].0, pose);
         }
         let mut report = report;
-        let deviations = (0..dynamic.len()).filter(|&i| !removed.iter().any(|(index, _)| *index == i));
+        let is_gone = |i: &usize| removed.iter().any(|(index, _)| index == i) || spare.contains(i);
+        let deviations = (0..dynamic.len()).filter(|i| !is_gone(i));
         report.collision_deviation_m = deviations.map(|i| f64::from(dynamic[i].2.deviation_m)).fold(0.0, f64::max);
+        report.spare = spare.len() as u32;
+        for index in spare {
+            scene.remove(dynamic[index].0);
+        }
         for (index, reason) in removed {
             let (handle, body, _) = &dynamic[index];
             scene.remove(*handle);

@@ -14,7 +14,7 @@ use crate::units::friction;
 use parry3d::math::{Pose as EnginePose, Rotation, Vector};
 use parry3d::query::{Ray, RayCast};
 use parry3d::shape::{Compound, HalfSpace, SharedShape, TriMesh, TriMeshFlags};
-use syntable_convex::{ConvexHull, Polyhedron};
+use syntable_convex::{ConvexHull, Polyhedron, convex_outline, outline_area};
 use syntable_model::geometry::{Aabb, Point3, Vector3};
 use syntable_model::scene::{Body, Motion, Region, Role, Support, Supports};
 
@@ -210,7 +210,7 @@ fn slab<Id>(body: &Body<Id>, support: &Support, supports: &Supports) -> Option<S
         }
     }
     let outline = convex_outline(corners_xy);
-    if outline.len() < 3 || covered_area < MIN_COVERAGE * area(&outline) {
+    if outline.len() < 3 || covered_area < MIN_COVERAGE * outline_area(&outline) {
         return None;
     }
     let spaces = supports.iter().filter_map(Support::top).filter(|space| *space < support.height());
@@ -271,46 +271,4 @@ fn below_slab(part: SharedShape, pose: &EnginePose, slab: &Slab) -> Option<Share
         return units::shape(&units::hull(&points)?);
     }
     Some(part)
-}
-
-/// Convex hull of points in the plane, counterclockwise (Andrew's monotone chain).
-fn convex_outline(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
-    points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-    points.dedup();
-    let orientation =
-        |o: [f64; 2], a: [f64; 2], b: [f64; 2]| (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
-    let chain = |points: &mut dyn Iterator<Item = [f64; 2]>| {
-        let mut chain: Vec<[f64; 2]> = Vec::new();
-        for p in points {
-            while chain.len() >= 2 && orientation(chain[chain.len() - 2], chain[chain.len() - 1], p) <= 0.0 {
-                chain.pop();
-            }
-            chain.push(p);
-        }
-        chain.pop();
-        chain
-    };
-    let mut outline = chain(&mut points.iter().copied());
-    outline.extend(chain(&mut points.iter().rev().copied()));
-    outline
-}
-
-fn area(outline: &[[f64; 2]]) -> f64 {
-    let next = outline.iter().cycle().skip(1);
-    outline.iter().zip(next).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum::<f64>() / 2.0
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn convex_hulls_in_the_plane() {
-        let square = vec![[0.0, 0.0], [1.0, 0.0], [0.5, 0.5], [1.0, 1.0], [0.0, 1.0], [0.5, 0.0], [0.0, 0.0]];
-        let outline = convex_outline(square);
-        assert_eq!(outline, [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
-        assert_eq!(area(&outline), 1.0);
-        assert!(convex_outline(vec![[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]).len() < 3);
-        assert!(convex_outline(Vec::new()).is_empty());
-    }
 }

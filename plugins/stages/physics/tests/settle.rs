@@ -249,7 +249,7 @@ fn a_respawned_body_keeps_to_its_placer() {
     let body = scene.remove(handle).expect("a cube");
     let support = scene.support(None).expect("a table").clone();
     let area = Region::rectangle(support.center().into(), [0.1, 0.16]);
-    scene.drop_body(body, DropZone { support, area });
+    scene.drop_body(body, DropZone { area, ..DropZone::on(support) });
     let report = settle("", &mut scene);
     assert!(report.removed.is_empty() && report.respawned >= 1, "{report:?}");
     let pose = objects(&scene).next().expect("a cube").world_from_body;
@@ -342,7 +342,7 @@ fn each_body_is_judged_by_the_support_that_it_is_dropped_on() {
         scene.supports.add(Support::new("board", surface).with_clear_height(0.3)).expect("new");
         let name = on_board.then(|| "board".into());
         let support = scene.support(name.as_ref()).expect("there").clone();
-        let zone = DropZone { area: support.surface, support };
+        let zone = DropZone::on(support);
         scene.drop_body(dynamic(&cube(), at(board[0], 0.0, TABLE_HEIGHT + board[1])), zone);
         let report = settle(options, &mut scene);
         report.removed.first().map(|removal| removal.reason.clone())

@@ -161,6 +161,8 @@ pub fn object(name: &str, data: MeshData, mass_kg: f64) -> Arc<Object> {
         materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
         keypoints: Vec::new(),
+        support_areas: Vec::new(),
+        restitution: None,
         model: SourceModel::default(),
         friction: 0.5,
         license: String::new(),

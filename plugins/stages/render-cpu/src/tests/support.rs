@@ -103,6 +103,8 @@ pub fn object(name: &str, data: MeshData, material: Material) -> Arc<Object> {
         materials: vec![Arc::new(material)],
         collision: None,
         keypoints: Vec::new(),
+        support_areas: Vec::new(),
+        restitution: None,
         model: SourceModel::default(),
         friction: 0.5,
         license: String::new(),

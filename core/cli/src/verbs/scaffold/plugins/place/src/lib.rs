@@ -53,7 +53,7 @@ impl Placer for ObjectTower {
             height += bounds.size().z + 0.002;
             let body = BodyDraft::new(asset, object, pose, Role::Object, Motion::Dynamic);
             // The settler keeps the objects that stay on the support, and drops again the ones that fall off.
-            scene.drop_body(body, DropZone { area: support.surface, support: support.clone() });
+            scene.drop_body(body, DropZone::on(support.clone()));
         }
         Ok(())
     }
