@@ -129,7 +129,7 @@ pub struct SupportArea {
 
 impl SupportArea {
     /// The area of an object that is moved and scaled: `p ↦ (p + offset) · factor`.
-    pub(super) fn transformed(self, offset: Vector3<f64>, factor: f64) -> Self {
+    pub fn transformed(self, offset: Vector3<f64>, factor: f64) -> Self {
         let Region { size, yaw, .. } = self.surface;
         let center = (self.surface.center() + offset).coords * factor;
         Self {

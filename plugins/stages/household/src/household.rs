@@ -8,7 +8,7 @@ use syntable_model::digest::{Digest, Hasher};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     Asset, AssetClass, Catalog, ConvexPart, MassDistribution, MassOrigin, MassProperties, Material, Mesh, Object,
-    SourceModel,
+    SourceModel, SupportArea,
 };
 
 /// Texels along the edge of the surfaces that objects share.
@@ -106,6 +106,13 @@ pub(crate) fn object(name: &str, category: &str, model: HouseholdModel) -> Resul
         license: LICENSE.to_owned(),
         digest,
     })
+}
+
+/// The object of a model that carries others on level areas, in the frame of the model.
+pub(crate) fn carrier(name: &str, category: &str, model: HouseholdModel, areas: Vec<SupportArea>) -> Result<Object> {
+    let to_center = -model.shape.bounds().center().coords;
+    let support_areas = areas.into_iter().map(|area| area.transformed(to_center, 1.0)).collect();
+    Ok(Object { support_areas, ..object(name, category, model)? })
 }
 
 fn digest(

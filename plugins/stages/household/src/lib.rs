@@ -1,7 +1,7 @@
-//! Procedural asset sources: household objects, tables, surface materials and environment maps. They need no files.
+//! Procedural asset sources: household objects, containers, furniture, tables, surface materials and environment maps. They need no files.
 //!
-//! Each kind has a module of its name: [`household`], [`procedural_tables`], [`procedural_materials`] and
-//! [`procedural_environments`]. Objects and tables are modeled with [`shape`] and textured with [`material`];
+//! Each kind has a module of its name: [`household`], [`procedural_containers`], [`procedural_furniture`], [`procedural_tables`],
+//! [`procedural_materials`] and [`procedural_environments`]. Objects and furniture are modeled with [`shape`] and textured with [`material`];
 //! [`family`] holds the object families.
 //!
 //! **Invariants.** A variant depends only on seed, family and number, not on earlier loads, on the selected families,
@@ -9,8 +9,11 @@
 
 pub mod family;
 pub mod household;
+mod joinery;
 pub mod material;
+pub mod procedural_containers;
 pub mod procedural_environments;
+pub mod procedural_furniture;
 pub mod procedural_materials;
 pub mod procedural_tables;
 pub mod shape;

@@ -2,15 +2,13 @@
 
 use crate::family::HouseholdModel;
 use crate::household::object;
-use crate::material::{LICENSE, MaterialCache, MaterialFamily, SurfaceFinish, hsv, vivid};
-use crate::shape::{Lathe, Profile, SlotMapping, SolidShape, rounded_box};
+use crate::joinery::{FRAME, Joinery, TEXELS, TOP, TRIM};
+use crate::material::{LICENSE, MaterialCache, MaterialFamily};
+use crate::shape::{Lathe, Profile, SlotMapping, rounded_box};
 use crate::variants::{check_families, parse_name, variant_catalog};
-use std::sync::Arc;
+use std::ops::{Deref, DerefMut};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Asset, AssetClass, Catalog, Material};
-
-/// Texels along the edge of the tables' surfaces.
-const TEXELS: usize = 512;
+use syntable_model::scene::{Asset, AssetClass, Catalog};
 
 /// A design of table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
@@ -106,60 +104,31 @@ impl AssetSource for TableSource {
         let (design, variant) =
             parse_name(name, &self.config.designs, |design| design.name(), self.config.variants_per_design)?;
         let stream = Stream::root(self.config.seed).child("tables").child(design.name()).at(u64::from(variant));
-        let mut model = TabletopBuilder::new(&stream, &self.materials).table(design);
-        model.friction = 0.6;
+        let model = TabletopBuilder::new(&stream, &self.materials).table(design);
         object(name, "table", model).map(Asset::from)
     }
 }
 
-/// Material slots: the top, the frame, small parts.
-const TOP: u16 = 0;
-const FRAME: u16 = 1;
-const TRIM: u16 = 2;
+struct TabletopBuilder(Joinery);
 
-struct TabletopBuilder {
-    form: Stream,
-    materials: Vec<Arc<Material>>,
-    shape: SolidShape,
+impl Deref for TabletopBuilder {
+    type Target = Joinery;
+    fn deref(&self) -> &Joinery {
+        &self.0
+    }
+}
+
+impl DerefMut for TabletopBuilder {
+    fn deref_mut(&mut self) -> &mut Joinery {
+        &mut self.0
+    }
 }
 
 impl TabletopBuilder {
     fn new(stream: &Stream, materials: &MaterialCache) -> Self {
-        let mut appearance = stream.child("paint");
-        let mut surface = |families: &[MaterialFamily]| {
-            let family = *appearance.pick(families).unwrap_or(&MaterialFamily::Timber);
-            materials.get(family, appearance.below(4) as u32)
-        };
         use MaterialFamily::{BrushedMetal, Granite, Marble, Metal, Plastic, Timber};
-        let top = surface(&[Timber, Timber, Timber, Timber, Marble, Granite, Plastic]);
-        let frame = surface(&[Timber, Timber, BrushedMetal, Metal, Plastic]);
-        let frame = if appearance.chance(0.35) { top.clone() } else { frame };
-        let color =
-            if appearance.chance(0.7) { hsv(0.0, 0.0, appearance.uniform(0.05, 0.9)) } else { vivid(&mut appearance) };
-        let trim = Arc::new(SurfaceFinish::plain(color, 0.35, 0.0).named("trim"));
-        Self { form: stream.child("form"), materials: vec![top, frame, trim], shape: SolidShape::default() }
-    }
-
-    fn uniform(&mut self, low: f64, high: f64) -> f64 {
-        self.form.uniform(low, high)
-    }
-
-    /// A board between two corners, its edges a little round.
-    fn board(&mut self, slot: u16, low: [f64; 3], high: [f64; 3]) {
-        let size: [f64; 3] = std::array::from_fn(|k| high[k] - low[k]);
-        let center: [f64; 3] = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
-        let round: f64 = if slot == TOP { 0.004 } else { 0.0025 };
-        let board = rounded_box(size, round.min(0.3 * size[2]), 2, |_| SlotMapping::fit(slot));
-        self.join(slot, board.translated(center[0], center[1], center[2]));
-    }
-
-    /// Adds a solid; its texture is scaled in meters, along its longest edge.
-    fn join(&mut self, slot: u16, solid: SolidShape) {
-        let tile = self.materials[usize::from(slot)].tile_m;
-        let size = solid.bounds().size();
-        let density = if self.materials[usize::from(slot)].metallic.factor > 0.5 { 1600.0 } else { 680.0 };
-        let solid = solid.dense(density).box_mapped(f64::from(tile), size.iamax());
-        self.shape = std::mem::take(&mut self.shape).and(solid);
+        let tops = [Timber, Timber, Timber, Timber, Marble, Granite, Plastic];
+        Self(Joinery::new(stream, materials, &tops, &[Timber, Timber, BrushedMetal, Metal, Plastic], 0.35))
     }
 
     fn table(mut self, design: TableDesign) -> HouseholdModel {
@@ -171,21 +140,13 @@ impl TabletopBuilder {
             TableDesign::Pedestal => self.pedestal(),
             TableDesign::Trestle => self.trestle(),
         }
-        let mass_kg = self.shape.moments().total;
-        HouseholdModel { shape: self.shape, materials: self.materials, mass_kg, friction: 0.6, crease_deg: 38.0 }
+        self.0.finish(0.6)
     }
 
     /// A rectangular top with these half sizes. Returns the height of its underside.
     fn top(&mut self, [a, b]: [f64; 2], h: f64, thick: f64) -> f64 {
         self.board(TOP, [-a, -b, h - thick], [a, b, h]);
         h - thick
-    }
-
-    /// Four upright legs at the corners of a rectangle of half sizes.
-    fn legs(&mut self, slot: u16, [a, b]: [f64; 2], edge: f64, height: f64) {
-        for (x, y) in [(-a, -b), (a, -b), (a, b), (-a, b)] {
-            self.board(slot, [x - edge / 2.0, y - edge / 2.0, 0.0], [x + edge / 2.0, y + edge / 2.0, height]);
-        }
     }
 
     fn four_leg(&mut self) {

@@ -111,9 +111,9 @@ fn assert_sound(object: &Object) {
     assert!(object.mass.kg.is_finite() && object.friction > 0.0 && !object.license.is_empty());
 }
 
-fn assert_covered(object: &Object, tolerance: f64) {
+fn assert_covered(object: &Object, tolerance: f64, max_parts: usize) {
     let parts = object.collision.as_ref().expect("exact parts");
-    assert!(parts.len() <= 40, "{}: {} parts", object.name, parts.len());
+    assert!(parts.len() <= max_parts, "{}: {} parts", object.name, parts.len());
     let bounds: Vec<_> = parts
         .iter()
         .map(|part| {
@@ -244,10 +244,10 @@ fn inertia_matches_the_enclosed_volume() {
 #[test]
 fn collision_parts_cover_the_mesh() {
     for object in all("household", "variants_per_family = 2") {
-        assert_covered(&object, 0.003);
+        assert_covered(&object, 0.003, 40);
     }
     for object in all("procedural_tables", "variants_per_design = 2") {
-        assert_covered(&object, 0.004);
+        assert_covered(&object, 0.004, 40);
     }
 }
 
@@ -321,6 +321,90 @@ fn height_above([a, b, c]: [Point3<f64>; 3], p: [f64; 2]) -> Option<f64> {
     let sum: f64 = weights.iter().sum();
     let inside = weights.iter().all(|w| *w >= 0.0) || weights.iter().all(|w| *w <= 0.0);
     (inside && sum.abs() > 1e-14).then(|| (weights[0] * a.z + weights[1] * b.z + weights[2] * c.z) / sum)
+}
+
+/// Heights of the upward faces over a point, and of all others, in the frame of the object.
+fn heights_at(object: &Object, p: [f64; 2]) -> [Vec<f64>; 2] {
+    let mut heights = [Vec::new(), Vec::new()];
+    for triangle in 0..object.mesh.data().triangles.len() {
+        let corners = object.mesh.corners(triangle);
+        let [a, b, c] = corners;
+        if let Some(z) = height_above(corners, p) {
+            heights[usize::from((b - a).cross(&(c - a)).z <= 0.0)].push(z);
+        }
+    }
+    heights
+}
+
+#[test]
+fn containers_and_furniture_are_free_above_their_areas() {
+    let containers = all("procedural_containers", "variants_per_family = 5");
+    let furniture = all("procedural_furniture", "variants_per_family = 5");
+    for object in containers.iter().chain(&furniture) {
+        assert_sound(object);
+        assert_covered(object, 0.002, 120);
+        let name = &object.name;
+        let is_open = ["bin", "crate", "tote", "tray", "conveyor", "drawer"].contains(&&*object.category);
+        assert_eq!(object.support_areas.len() == 1, is_open, "{name}");
+        let parts = object.collision.as_ref().expect("exact parts");
+        for (number, area) in object.support_areas.iter().enumerate() {
+            let (surface, [length, width]) = (area.surface, area.surface.edges());
+            let clear = area.clear_height_m.unwrap_or(f64::INFINITY);
+            let is_top = number + 1 == object.support_areas.len();
+            assert_eq!(area.clear_height_m.is_none(), is_open || (object.category == "rack" && is_top), "{name}");
+            let mut carried = 0;
+            for step in 0..144 {
+                let at = [(step % 12, length), (step / 12, width)]
+                    .map(|(i, edge)| (f64::from(i) + 0.5) / 12.0 * (edge - 0.004) - 0.5 * (edge - 0.004));
+                let p = surface.point(at);
+                let [up, down] = heights_at(object, [p.x, p.y]);
+                carried += usize::from(up.iter().any(|z| (z - p.z).abs() < 1e-3));
+                let above = up.iter().chain(&down).copied().filter(|z| *z > p.z + 0.002).fold(f64::INFINITY, f64::min);
+                assert!(above >= p.z + clear - 1e-6, "{name}: a face {} m above {number}", above - p.z);
+                // No collision part is in the free space either.
+                let walls = area.walls.map_or(0.1, |walls| walls.height_m);
+                for height in [0.004, 0.5 * walls.min(clear)] {
+                    let free = p + Vector3::z() * height;
+                    assert!(parts.iter().all(|part| distance_to_hull(part, free) > 1e-4), "{name}: {free} is filled");
+                }
+            }
+            // Crates have gaps between their slats.
+            assert!(carried >= if object.category == "crate" { 86 } else { 144 }, "{name}: {carried}");
+            let Some(walls) = area.walls else { continue };
+            for (edge, sign) in [(0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)] {
+                let side = object.mesh.data().positions.iter().map(|p| Point3::from(p.map(f64::from)));
+                let beyond = side.filter(|p| sign * surface.along(p)[edge] > surface.edges()[edge] / 2.0 - 1e-4);
+                let rim = beyond.map(|p| p.z - surface.height()).fold(f64::NEG_INFINITY, f64::max);
+                assert!(rim > walls.height_m - 0.002, "{name}: a wall of {rim} m, not {} m", walls.height_m);
+            }
+        }
+    }
+}
+
+#[test]
+fn options_set_the_inside_of_containers() {
+    let options =
+        "families = [\"bin\"]\nlength_m = 0.4\nwidth_m = 0.3\nheight_m = 0.15\ndraft_deg = 5\nwall_m = 0.004\nribs = 2";
+    for object in all("procedural_containers", options) {
+        let [area] = &object.support_areas[..] else { panic!("one area") };
+        let walls = area.walls.expect("walls");
+        assert_eq!((area.surface.edges(), walls.height_m), ([0.4, 0.3], 0.15));
+        assert!((walls.draft_m - 0.15 * 5.0_f64.to_radians().tan()).abs() < 1e-9);
+        let bounds = object.mesh.bounds();
+        assert!((area.surface.height() - bounds.min.z - 0.004).abs() < 1e-6, "the floor is as thick as the walls");
+        let double = std::sync::Arc::new(object).resized(2.0).expect("sound");
+        let [area] = &double.support_areas[..] else { panic!("one area") };
+        assert_eq!((area.surface.edges(), area.walls.expect("walls").height_m), ([0.8, 0.6], 0.3));
+    }
+    let shelves = all(
+        "procedural_furniture",
+        "families = [\"shelf\", \"rack\"]\nboards = 4\nclear_height_m = 0.3\nwidth_m = 0.8",
+    );
+    for object in shelves {
+        assert_eq!(object.support_areas.len(), 4, "{}", object.name);
+        assert_eq!(object.support_areas[0].surface.edges()[0], 0.8);
+        assert!(object.category == "rack" || object.support_areas.iter().all(|area| area.clear_height_m == Some(0.3)));
+    }
 }
 
 #[test]

@@ -1,12 +1,13 @@
 //! Objects that start in a box above a support.
 
 use crate::material::MaterialReplacement;
+use crate::objects::{COUNT, DENSITY_KG_M3, FRICTION, ObjectOptions, RESTITUTION};
 use crate::oriented_box::OrientedBox;
-use crate::variation::{ColorChange, SCALE, Variation, resized};
-use std::sync::Arc;
+use crate::resting::{RestingPose, RestingShapes};
+use crate::variation::{ColorChange, SCALE, Variation};
 use syntable_model::geometry::{Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Asset, AssetRef, BodyDraft, DropZone, Motion, Object, Region, Role};
+use syntable_model::scene::{DropZone, Object, Role, Support};
 
 /// Minimum gap between the bounding boxes of any two bodies, meters.
 const GAP_M: f64 = 0.001;
@@ -21,7 +22,7 @@ const MAX_GROWTHS: u32 = 16;
 ///
 /// With `overlap_free`, no two bounding boxes overlap at the start: up to `max_tries` positions are drawn per object,
 /// then the box grows upwards until the object fits. The box ends at the ceiling of the room, or at the upper end of
-/// the support's space.
+/// the support's space. If `support` is the name of several supports, each object draws one of them by area.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DropBox {
@@ -85,13 +86,18 @@ pub struct DropBox {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = RESTITUTION[0], "maximum" = RESTITUTION[1]))]
     restitution: Option<Dist>,
+    /// Density of each object, kg/m³, 1 to 30000. Default: the asset's mass.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = DENSITY_KG_M3[0], "maximum" = DENSITY_KG_M3[1]))]
+    density_kg_m3: Option<Dist>,
+    /// Fills the support: objects are poured one after another until their pile has this mean height, as a fraction of the height of
+    /// the walls around the support, or of its clear height. `count` is then the maximum number of objects.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = FILL_LEVEL[0], "maximum" = FILL_LEVEL[1]))]
+    fill_level: Option<Dist>,
+    #[serde(skip)]
+    shapes: RestingShapes,
 }
-
-/// Limits of `friction`.
-const FRICTION: [f64; 2] = [0.0, 10.0];
-
-/// Limits of `restitution`.
-const RESTITUTION: [f64; 2] = [0.0, 1.0];
 
 /// Distribution of initial rotations.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -103,8 +109,12 @@ pub enum DropRotation {
     /// Roll, pitch and yaw about the fixed axes x, y and z, each uniform in 0° to 360°, as in the paper. Not uniform
     /// over rotations: denser near the poles.
     UniformEuler,
-    /// Upright, with uniform rotation about the world z axis.
+    /// As in its file, with uniform rotation about the world z axis.
     UniformYaw,
+    /// The stable pose that is nearest to the file's, with uniform rotation about the world z axis: cans stand.
+    Upright,
+    /// A stable pose, drawn by its probability, with uniform rotation about the world z axis.
+    StablePose,
 }
 
 fn one_to_forty() -> IntDist {
@@ -126,8 +136,8 @@ fn tries() -> u32 {
     100
 }
 
-/// Limits of `count`. With `annotated`, the minimum is one object.
-const COUNT: [i64; 2] = [0, 10_000];
+/// Limits of `fill_level`.
+const FILL_LEVEL: [f64; 2] = [0.01, 3.0];
 
 impl Config for DropBox {
     type Stage = dyn Placer;
@@ -136,12 +146,12 @@ impl Config for DropBox {
         "from = [\"objects\"]\ncount = { integers = [1, 40] }\nrotation = \"uniform_euler\"\nwidth_factor = 0.6";
 
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
-        self.count.within("count", i64::from(self.annotated), COUNT[1])?;
-        self.variation().check()?;
-        self.friction.as_ref().map_or(Ok(()), |friction| friction.within("friction", FRICTION[0], FRICTION[1]))?;
-        self.restitution
-            .as_ref()
-            .map_or(Ok(()), |restitution| restitution.within("restitution", RESTITUTION[0], RESTITUTION[1]))?;
+        self.options().check()?;
+        self.fill_level.as_ref().map_or(Ok(()), |level| level.within("fill_level", FILL_LEVEL[0], FILL_LEVEL[1]))?;
+        if self.fill_level.is_some() && self.fixed {
+            let message = "objects that stay where they are placed fill nothing";
+            return Err(ConfigError::new("fill_level", message).help("remove it, or remove `fixed`"));
+        }
         Ok(Box::new(self))
     }
 }
@@ -161,51 +171,45 @@ impl Placer for DropBox {
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
-        let support = scene.support(self.support.as_ref())?.clone();
-        let count = self.count.draw(&mut context.stream.child("count")) as usize;
-        let materials = self.material.as_ref().map_or(0, |_| count);
-        context.assets.expect(if self.with_replacement { count + materials } else { count });
-        let once = if self.with_replacement { None } else { Some(self.distinct(count, context)?) };
-        if once.is_some() {
-            context.assets.expect(materials);
-        }
+        let supports: Vec<Support> = scene.supports.group(self.support.as_ref())?.into_iter().cloned().collect();
+        let drawn = self.options().draw(context)?;
         let mut taken: Vec<OrientedBox> = scene
             .bodies()
             .filter(|(_, body)| body.role != Role::Room)
             .map(|(_, body)| OrientedBox::new(&body.object.mesh.bounds(), &body.world_from_body, GAP_M / 2.0))
             .collect();
-        let zone = DropZone { area: support.surface.scaled(self.width_factor), support };
-        let mut space = StartBox::new(self, &zone, scene.space_top(&zone.support))?;
-        for k in 0..once.as_ref().map_or(count, Vec::len) {
-            let stream = context.stream.child("object").at(k as u64);
-            let (asset, object) = match &once {
-                Some(drawn) => drawn[k].clone(),
-                None => context.assets.draw_object(&self.from, &mut stream.child("asset"))?,
-            };
-            let factor = self.variation().factor(&stream);
-            let object = resized(object, factor).map_err(|error| error.context(asset.to_string()))?;
-            let rotation = self.rotation.draw(&mut stream.child("rotation"));
-            let pose = if self.overlap_free {
-                self.free_pose(&object, rotation, &mut space, &mut taken, &stream.child("place")).map_err(|error| {
-                    error.context(format!("{asset}, object {} of {count}", k + 1)).help(
-                        "lower `count` or `clearance_m`, raise `width_factor` or the height of the room, or set \
+        let mut spaces = Vec::new();
+        for (number, support) in supports.into_iter().enumerate() {
+            let full_at_m = self.full_at(&support, &mut context.stream.child("fill").at(number as u64))?;
+            let area = support.surface.scaled(self.width_factor);
+            spaces.push(StartBox::new(self, DropZone { area, support, full_at_m }, scene)?);
+        }
+        let total: f64 = spaces.iter().map(StartBox::area).sum();
+        for k in 0..drawn.count() {
+            let object = drawn.object(k)?;
+            let (asset, stream) = (&object.asset, &object.stream);
+            let mut at = if spaces.len() > 1 { stream.child("support").uniform(0.0, total) } else { 0.0 };
+            let number = spaces.iter().position(|space| {
+                at -= space.area();
+                at < 0.0
+            });
+            let number = number.unwrap_or(spaces.len() - 1);
+            let space = &mut spaces[number];
+            let rotation = self.rotation(&object.object, &stream.child("rotation"), context);
+            let pose = if self.overlap_free && self.fill_level.is_none() {
+                self.free_pose(&object.object, rotation, space, &mut taken, &stream.child("place")).map_err(
+                    |error| {
+                        error.context(format!("{asset}, object {} of {}", k + 1, drawn.count())).help(
+                            "lower `count` or `clearance_m`, raise `width_factor` or the height of the room, or set \
                          overlap_free = false",
-                    )
-                })?
+                        )
+                    },
+                )?
             } else {
-                pose_at(&object, rotation, space.draw(&mut stream.child("place")))
+                space.pose(&object.object, rotation, &mut stream.child("place"))
             };
-            let role = if self.annotated { Role::Object } else { Role::Distractor };
-            let motion = if self.fixed { Motion::Fixed } else { Motion::Dynamic };
-            let body = BodyDraft::new(asset, object, pose, role, motion);
-            let body = self.variation().painted(body, context.assets, &stream)?;
-            let draw = |dist: &Dist, name: &str| dist.draw(&mut stream.child(name));
-            let body = BodyDraft {
-                friction: self.friction.as_ref().map_or(body.friction, |dist| draw(dist, "friction")),
-                restitution: self.restitution.as_ref().map(|dist| draw(dist, "restitution")),
-                ..body
-            };
-            scene.drop_body(body, zone.clone());
+            let zone = space.zone.clone();
+            scene.drop_body(drawn.body(&object, pose)?, zone);
         }
         Ok(())
     }
@@ -216,33 +220,47 @@ impl DropBox {
         Variation { scale: self.scale.as_ref(), color: self.color.as_ref(), material: self.material.as_ref() }
     }
 
-    /// Draws distinct objects. Assets that cannot be loaded are skipped.
-    fn distinct(&self, count: usize, context: &Context) -> Result<Vec<(AssetRef, Arc<Object>)>> {
-        let all = context.assets.drawn_order(&self.from, &mut context.stream.child("order"))?;
-        let max_count = self.count.range().1;
-        if max_count > all.len() as i64 {
-            let message = format!("`count` can become {max_count}, but its pools have {} assets", all.len());
-            return Err(Error::new(message).help("set with_replacement = true, or a smaller count"));
+    fn options(&self) -> ObjectOptions<'_> {
+        ObjectOptions {
+            from: &self.from,
+            count: &self.count,
+            with_replacement: self.with_replacement,
+            variation: self.variation(),
+            annotated: self.annotated,
+            fixed: self.fixed,
+            friction: self.friction.as_ref(),
+            restitution: self.restitution.as_ref(),
+            density_kg_m3: self.density_kg_m3.as_ref(),
         }
-        let mut drawn = Vec::new();
-        let mut last = None;
-        for asset in all {
-            if drawn.len() == count {
-                break;
+    }
+
+    /// Draws the mean height of the pile at which a support is full, meters; none if it is not filled.
+    fn full_at(&self, support: &Support, stream: &mut Stream) -> Result<Option<f64>> {
+        let Some(level) = &self.fill_level else { return Ok(None) };
+        let height = support.walls.map(|walls| walls.height_m).or(support.clear_height_m).ok_or_else(|| {
+            let message = format!("`fill_level` is a fraction of the height of walls, and `{}` has none", support.name);
+            Error::new(message).help("fill a bin or a shelf board: [[place]] kind = \"support\"")
+        })?;
+        Ok(Some(level.draw(stream) * height))
+    }
+
+    fn rotation(&self, object: &Object, stream: &Stream, context: &Context) -> UnitQuaternion<f64> {
+        let mut first = stream.clone();
+        let mut angle = || first.unit() * std::f64::consts::TAU;
+        let mut about_z = || UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle());
+        let resting = |pose: RestingPose| {
+            let shape = self.shapes.of(object, context.cache);
+            pose.draw(shape.of_asset(), &mut stream.child("side"))
+        };
+        match self.rotation {
+            DropRotation::UniformSo3 => first.rotation(),
+            DropRotation::UniformEuler => {
+                let (roll, pitch, yaw) = (angle(), angle(), angle());
+                UnitQuaternion::from_euler_angles(roll, pitch, yaw)
             }
-            match context.assets.get(&asset).and_then(Asset::into_object) {
-                Ok(object) => drawn.push((asset, object)),
-                Err(error) => last = Some(error),
-            }
-        }
-        match last {
-            Some(error) if drawn.is_empty() => Err(error.context("no asset can be used; the last one")),
-            Some(error) if drawn.len() < count => {
-                let message = format!("only {} of {count} objects can be drawn without replacement", drawn.len());
-                context.log.warn(&Error::new(message).help(format!("the others are bad; the last one: {error}")));
-                Ok(drawn)
-            }
-            _ => Ok(drawn),
+            DropRotation::UniformYaw => about_z(),
+            DropRotation::Upright => about_z() * resting(RestingPose::Upright),
+            DropRotation::StablePose => about_z() * resting(RestingPose::StablePose),
         }
     }
 
@@ -259,7 +277,7 @@ impl DropBox {
         let mut tries = stream.clone();
         for _ in 0..=MAX_GROWTHS {
             for _ in 0..self.max_tries {
-                let pose = pose_at(object, rotation, space.draw(&mut tries));
+                let pose = space.pose(object, rotation, &mut tries);
                 let candidate = OrientedBox::new(&bounds, &pose, GAP_M / 2.0);
                 if candidate.top() <= space.ceiling && !taken.iter().any(|other| other.overlaps(&candidate)) {
                     taken.push(candidate);
@@ -280,23 +298,9 @@ impl DropBox {
     }
 }
 
-impl DropRotation {
-    fn draw(self, stream: &mut Stream) -> UnitQuaternion<f64> {
-        let mut angle = || stream.unit() * std::f64::consts::TAU;
-        match self {
-            Self::UniformSo3 => stream.rotation(),
-            Self::UniformEuler => {
-                let (roll, pitch, yaw) = (angle(), angle(), angle());
-                UnitQuaternion::from_euler_angles(roll, pitch, yaw)
-            }
-            Self::UniformYaw => UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle()),
-        }
-    }
-}
-
-/// The box of initial positions.
+/// The box of initial positions above a support.
 struct StartBox {
-    area: Region,
+    zone: DropZone,
     low: f64,
     high: f64,
     /// Height at which the space above the support ends, meters; infinite under the open sky.
@@ -304,9 +308,9 @@ struct StartBox {
 }
 
 impl StartBox {
-    fn new(options: &DropBox, zone: &DropZone, ceiling: Option<f64>) -> Result<Self> {
+    fn new(options: &DropBox, zone: DropZone, scene: &SceneBuilder) -> Result<Self> {
         let low = zone.area.height() + options.clearance_m;
-        let ceiling = ceiling.unwrap_or(f64::INFINITY);
+        let ceiling = scene.space_top(&zone.support).unwrap_or(f64::INFINITY);
         if low >= ceiling {
             return Err(Error::unlucky(format!(
                 "the box starts {low:.2} m above the floor, and the space above `{}` ends at {ceiling:.2} m",
@@ -314,13 +318,36 @@ impl StartBox {
             ))
             .help("lower `clearance_m`, or raise the height of the room"));
         }
-        Ok(Self { area: zone.area, low, high: ceiling.min(low + options.height_m), ceiling })
+        Ok(Self { zone, low, high: ceiling.min(low + options.height_m), ceiling })
+    }
+
+    fn area(&self) -> f64 {
+        self.zone.area.edges().iter().product()
     }
 
     fn draw(&self, stream: &mut Stream) -> Point3<f64> {
-        let ([x, y], center) =
-            (self.area.size().map(|edge| stream.uniform(-edge / 2.0, edge / 2.0)), self.area.center());
-        Point3::new(center.x + x, center.y + y, stream.uniform(self.low, self.high))
+        let along = self.zone.area.edges().map(|edge| stream.uniform(-edge / 2.0, edge / 2.0));
+        let at = self.zone.area.point(along);
+        Point3::new(at.x, at.y, stream.uniform(self.low, self.high))
+    }
+
+    /// Draws a pose of an object with a rotation. Between walls, the whole object is above the area, if it is small enough.
+    fn pose(&self, object: &Object, rotation: UnitQuaternion<f64>, stream: &mut Stream) -> Pose {
+        let at = self.draw(stream);
+        let pose = pose_at(object, rotation, at);
+        if self.zone.support.walls.is_none() {
+            return pose;
+        }
+        let area = &self.zone.area;
+        let corners = object.mesh.bounds().corners().map(|p| area.along(&(pose * p)));
+        let along = area.along(&at);
+        let inside = [0, 1].map(|edge| {
+            let reach = corners.iter().map(|p| (p[edge] - along[edge]).abs()).fold(0.0, f64::max);
+            let whole = area.edges()[edge] / 2.0;
+            along[edge] * ((whole - reach).max(0.0) / whole)
+        });
+        let to = area.point(inside);
+        pose_at(object, rotation, Point3::new(to.x, to.y, at.z))
     }
 }
 

@@ -1,25 +1,39 @@
-//! Placers: room, ground, table, meshes at given poses, objects that start in a box above a support, and clutter on
-//! the floor.
+//! Placers: room, ground, table, bins and shelves, meshes at given poses, objects that are dropped or put down on a support, and
+//! clutter on the floor.
+//!
+//! - `drop_box` and `arrange` share `objects`, which draws objects and their variation. `drop_box` starts them in the air; `arrange`
+//!   puts them down in the poses of `resting`, on the surface that `bearing` finds, where no `footprint` is in the way.
+//! - `table` and `support` place the bodies that carry them.
 //!
 //! **Invariants.** Every random number comes from a named child of the stage's stream, one per surface or object, so
 //! the draws for one object do not depend on the number of draws for another. Poses place the center of a mesh's
 //! bounding box, whatever the mesh's own origin, except for the kind `mesh`.
 
+mod areas;
+mod arrange;
+mod bearing;
 mod bounds;
+mod dist_list;
 mod distractors;
 mod drop_box;
 mod floor_support;
+mod footprint;
 mod ground;
 mod material;
 mod mesh;
+mod objects;
 mod oriented_box;
+mod resting;
 mod room;
+mod support;
 mod table;
 mod variation;
 
+pub use arrange::Arrange;
 pub use distractors::Distractors;
 pub use drop_box::DropBox;
 pub use ground::Ground;
 pub use mesh::Mesh;
 pub use room::Room;
+pub use support::Support;
 pub use table::Table;

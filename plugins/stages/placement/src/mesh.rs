@@ -1,9 +1,10 @@
 //! A mesh from a file at a pose.
 
 use crate::bounds::rotated_bounds;
+use crate::dist_list::dist_list;
 use crate::material::MaterialReplacement;
 use crate::variation::{ColorChange, Variation};
-use schemars::{Schema, SchemaGenerator, json_schema};
+use schemars::{Schema, SchemaGenerator};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use syntable_mesh::format::MeshFormats;
@@ -177,18 +178,10 @@ struct MeshSupport {
 }
 
 fn position_schema(generator: &mut SchemaGenerator) -> Schema {
-    three(generator, POSITION_M)
+    dist_list(generator, 3, POSITION_M)
 }
 fn rotation_schema(generator: &mut SchemaGenerator) -> Schema {
-    three(generator, ROTATION_DEG)
-}
-
-/// The schema of three numbers or distributions within limits.
-fn three(generator: &mut SchemaGenerator, [low, high]: [f64; 2]) -> Schema {
-    let mut number = generator.subschema_for::<Dist>();
-    number.insert("minimum".to_owned(), low.into());
-    number.insert("maximum".to_owned(), high.into());
-    json_schema!({ "type": "array", "items": number, "minItems": 3, "maxItems": 3 })
+    dist_list(generator, 3, ROTATION_DEG)
 }
 
 fn meters() -> LengthUnit {
@@ -310,7 +303,7 @@ impl Placer for Mesh {
         let body = BodyDraft { friction: friction.unwrap_or(body.friction), ..body };
         match scene.support(self.relative_to.as_ref()).ok().cloned() {
             Some(support) if motion == Motion::Dynamic => {
-                scene.drop_body(body, DropZone { area: support.surface, support });
+                scene.drop_body(body, DropZone::on(support));
             }
             _ => drop(scene.add(body)),
         }

@@ -261,6 +261,8 @@ pub fn slab(part: &RoomPart, material: Material) -> Result<Object> {
         materials: vec![Arc::new(material)],
         collision: Some(Arc::new(vec![corners.to_vec()])),
         keypoints: Vec::new(),
+        support_areas: Vec::new(),
+        restitution: None,
         model: SourceModel::default(),
         mass,
         friction: 0.6,

@@ -12,12 +12,14 @@ mod extrude;
 mod lathe;
 mod loft;
 mod outline;
+mod tub;
 
 pub use block::rounded_box;
 pub use extrude::{extrude, rounded_polygon, star};
 pub use lathe::{Lathe, WallCell, revolved};
 pub use loft::{SweepPath, loft, sweep};
 pub use outline::Profile;
+pub use tub::Tub;
 
 use std::collections::BTreeMap;
 use syntable_model::error::Result;

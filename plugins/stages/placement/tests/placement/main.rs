@@ -1,5 +1,6 @@
 //! Room, table and drop box on hand-made pools.
 
+mod carriers;
 mod mesh;
 mod randomization;
 
@@ -41,6 +42,11 @@ impl TestPools {
             ("small", entries(&["30x40x50", "60x20x90", "80x80x80", "bad"])),
             ("big", entries(&["300x300x300"])),
             ("tables", entries(&["1200x800x750"])),
+            ("slim", entries(&["60x20x90"])),
+            ("open", entries(&["open"])),
+            ("boards", entries(&["boards"])),
+            ("discs", entries(&["disc"])),
+            ("cones", entries(&["cone"])),
             ("materials", entries(&["0", "1", "2", "3", "4", "5", "6", "7"])),
         ]))
     }
@@ -54,21 +60,7 @@ impl Assets for TestPools {
         if asset.pool == "materials" {
             return Ok(Material::plain(&asset.name, [0.5; 3], 0.5).into());
         }
-        let edges: Vec<f32> =
-            asset.name.split('x').filter_map(|edge| edge.parse().ok()).map(|mm: f32| mm / 1e3).collect();
-        let [a, b, c] = edges[..] else { return Err(Error::new("a bad asset")) };
-        // The origin is off the center, at (0.1, 0.2, 0.3) of the box.
-        let corner = |i: usize| {
-            let pick = |axis: usize, edge: f32, at: f32| (if i >> axis & 1 == 1 { edge } else { 0.0 }) - at * edge;
-            [pick(0, a, 0.1), pick(1, b, 0.2), pick(2, c, 0.3)]
-        };
-        let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-        let mesh = Mesh::new(MeshData {
-            positions: (0..8).map(corner).collect(),
-            triangles: quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect(),
-            ..MeshData::default()
-        })?;
-        assert!((mesh.signed_volume() - f64::from(a * b * c)).abs() < 1e-6);
+        let mesh = Mesh::new(test_mesh(&asset.name)?)?;
         Ok(Asset::from(Object {
             name: asset.name.clone(),
             category: "box".into(),
@@ -77,12 +69,71 @@ impl Assets for TestPools {
             materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
             collision: None,
             keypoints: Vec::new(),
+            support_areas: Vec::new(),
+            restitution: None,
             model: SourceModel::default(),
             friction: 0.5,
             license: String::new(),
             digest: Digest::of(asset.name.as_bytes()),
         }))
     }
+}
+
+/// The mesh of an asset: a box by its edges, or a shape by its name.
+fn test_mesh(name: &str) -> Result<MeshData> {
+    let boxes =
+        |boxes: &[[[f32; 3]; 2]]| boxes.iter().fold(MeshData::default(), |all, [low, high]| join(all, *low, *high));
+    Ok(match name {
+        "open" => boxes(&[
+            [[0.0, 0.0, 0.0], [0.4, 0.3, 0.01]],
+            [[0.0, 0.0, 0.01], [0.01, 0.3, 0.15]],
+            [[0.39, 0.0, 0.01], [0.4, 0.3, 0.15]],
+            [[0.01, 0.0, 0.01], [0.39, 0.01, 0.15]],
+            [[0.01, 0.29, 0.01], [0.39, 0.3, 0.15]],
+        ]),
+        "boards" => boxes(&[0.0, 0.3, 0.6].map(|z| [[0.0, 0.0, z], [0.6, 0.25, z + 0.02]])),
+        "disc" => cone([0.5, 0.5], 0.75),
+        "cone" => cone([0.04, 0.0], 0.1),
+        _ => {
+            let edges: Vec<f32> =
+                name.split('x').filter_map(|edge| edge.parse().ok()).map(|mm: f32| mm / 1e3).collect();
+            let [a, b, c] = edges[..] else { return Err(Error::new("a bad asset")) };
+            // The origin is off the center, at (0.1, 0.2, 0.3) of the box.
+            join(MeshData::default(), [-0.1 * a, -0.2 * b, -0.3 * c], [0.9 * a, 0.8 * b, 0.7 * c])
+        }
+    })
+}
+
+/// A mesh and a box.
+fn join(mut mesh: MeshData, low: [f32; 3], high: [f32; 3]) -> MeshData {
+    let first = mesh.positions.len() as u32;
+    let corner = |i: usize| std::array::from_fn(|axis| if i >> axis & 1 == 1 { high[axis] } else { low[axis] });
+    mesh.positions.extend((0..8).map(corner));
+    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let corners = |q: &[u32; 4]| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]].map(|t| t.map(|i| i + first));
+    mesh.triangles.extend(quads.iter().flat_map(corners));
+    mesh
+}
+
+/// A cone or a disc: two circles of 64 corners, at the bottom and at a height.
+fn cone(radii: [f32; 2], height: f32) -> MeshData {
+    let corner = |i: u32, radius: f32, z: f32| {
+        let (sin, cos) = (f64::from(i) / 32.0 * std::f64::consts::PI).sin_cos();
+        [radius * cos as f32, radius * sin as f32, z]
+    };
+    let mut positions: Vec<[f32; 3]> =
+        (0..64).flat_map(|i| [corner(i, radii[0], 0.0), corner(i, radii[1], height)]).collect();
+    positions.extend([[0.0, 0.0, 0.0], [0.0, 0.0, height]]);
+    let around = |i: u32| {
+        let [a, b, c, d] = [2 * i, 2 * ((i + 1) % 64), 2 * ((i + 1) % 64) + 1, 2 * i + 1];
+        [[a, b, c], [a, c, d], [128, b, a], [129, d, c]]
+    };
+    let is_flat = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|i| Point3::from(positions[i as usize].map(f64::from)));
+        (b - a).cross(&(c - a)).norm() < 1e-12
+    };
+    let triangles = (0..64).flat_map(around).filter(|t| !is_flat(t)).collect();
+    MeshData { positions, triangles, ..MeshData::default() }
 }
 
 fn place(placers: &[&dyn Placer], seed: u64) -> Result<(SceneBuilder, Vec<Error>)> {

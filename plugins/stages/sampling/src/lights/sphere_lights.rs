@@ -1,7 +1,7 @@
 //! The paper's lights: spheres in a hemispherical shell beyond the cameras.
 
 use crate::common::bounds::check_order;
-use crate::common::shell::{HEMISPHERE_DEG, center, direction};
+use crate::common::shell::{ALL_AROUND, HEMISPHERE_DEG, center, direction};
 use crate::lights::brightness::limits::TEMPERATURE_K;
 use crate::lights::brightness::{Brightness, check_temperature};
 use crate::lights::per::Per;
@@ -139,7 +139,7 @@ impl LightSampler for SphereLights {
         for i in 0..count.max(0) as u64 {
             let stream = context.stream.child("light").at(i);
             let r = stream.child("distance").uniform(low, high);
-            let direction = direction(self.elevation_deg, &mut stream.child("direction"));
+            let direction = direction(self.elevation_deg, ALL_AROUND, &mut stream.child("direction"));
             let position = center(support, self.center_offset_m) + r * direction;
             let radius = self.size_m.draw(&mut stream.child("radius"));
             let distance = (position - lit).norm();

@@ -1,13 +1,13 @@
 //! The paper's views: anywhere in a hemispherical shell around a support.
 
 use crate::common::bounds::check_order;
-use crate::common::shell::{HEMISPHERE_DEG, center, direction};
+use crate::common::shell::{ALL_AROUND, HEMISPHERE_DEG, center, direction};
 use crate::views::look_at::{LookAt, rolled};
 use crate::views::radius::ViewRadius;
 use nalgebra::{Point3, Vector3};
 use syntable_model::geometry::look_at;
 use syntable_model::prelude::*;
-use syntable_model::scene::ViewId;
+use syntable_model::scene::{Support, ViewId};
 
 /// Camera positions in a hemispherical shell above a support such as the table (SynTable, "viewpoints"): uniform in direction and in
 /// distance, looking at the center of the tabletop.
@@ -19,7 +19,8 @@ use syntable_model::scene::ViewId;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct HemisphereShell {
-    /// Name of the support that the cameras look at. If left out, it is the first that a step of `[[place]]` sets.
+    /// Name of the support that the cameras look at. If left out, it is the first that a step of `[[place]]` sets. If it is the name
+    /// of several supports, such as the boards of a shelf, the views of a scene take them in turn.
     #[serde(skip_serializing_if = "Option::is_none")]
     support: Option<SupportName>,
     /// Smallest and largest distance from the center of the shell: `{ of_table = [1.0, 1.7] }`, multiples of
@@ -31,6 +32,11 @@ pub struct HemisphereShell {
     /// Smallest and largest elevation above the horizon, seen from the center of the shell, degrees.
     #[schemars(inner(range(min = 0.0, max = 90.0)))]
     elevation_deg: [f64; 2],
+    /// Smallest and largest azimuth, counterclockwise seen from above, against the first edge of the support, degrees. A shelf is open
+    /// towards −90°. All around by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(inner(range(min = -360.0, max = 360.0))))]
+    azimuth_deg: Option<[f64; 2]>,
     /// The point that the camera looks at.
     look_at: LookAt,
     /// Rotation of the camera about its optical axis, degrees; positive is clockwise seen from behind the camera.
@@ -44,6 +50,7 @@ impl Default for HemisphereShell {
             radius: ViewRadius::OfTable([1.0, 1.7]),
             center_offset_m: 0.2,
             elevation_deg: HEMISPHERE_DEG,
+            azimuth_deg: None,
             look_at: LookAt::TabletopCenter,
             roll_deg: Dist::Constant(0.0),
         }
@@ -60,25 +67,36 @@ impl Config for HemisphereShell {
     fn build(self) -> Result<Box<dyn ViewSampler>, ConfigError> {
         self.radius.check("radius")?;
         check_order("elevation_deg", self.elevation_deg)?;
+        self.azimuth_deg.map_or(Ok(()), |azimuth| check_order("azimuth_deg", azimuth))?;
         Ok(Box::new(self))
     }
 }
 register!(HemisphereShell);
 
+impl HemisphereShell {
+    /// The support that a view looks at.
+    fn support_of<'s>(&self, scene: &'s Scene, view: ViewId) -> Result<&'s Support> {
+        let group = scene.supports.group(self.support.as_ref())?;
+        Ok(group[view.0 as usize % group.len()])
+    }
+}
+
 impl ViewSampler for HemisphereShell {
-    fn pose(&self, scene: &Scene, _: ViewId, context: &Context) -> Result<Pose> {
-        let support = scene.support(self.support.as_ref())?;
+    fn pose(&self, scene: &Scene, view: ViewId, context: &Context) -> Result<Pose> {
+        let support = self.support_of(scene, view)?;
         let [low, high] = self.radius.in_meters(support);
         let r = context.stream.child("radius").uniform(low, high);
-        let direction = direction(self.elevation_deg, &mut context.stream.child("direction"));
+        let azimuth =
+            self.azimuth_deg.map_or(ALL_AROUND, |azimuth| azimuth.map(|it| it.to_radians() + support.surface.yaw()));
+        let direction = direction(self.elevation_deg, azimuth, &mut context.stream.child("direction"));
         let eye = center(support, self.center_offset_m) + r * direction;
         let target = self.look_at.point(scene, support, self.center_offset_m);
         let roll = self.roll_deg.draw(&mut context.stream.child("roll"));
         Ok(rolled(look_at(eye, target, Vector3::z()), roll))
     }
 
-    fn target(&self, scene: &Scene, _: ViewId) -> Option<Point3<f64>> {
-        let support = scene.support(self.support.as_ref()).ok()?;
+    fn target(&self, scene: &Scene, view: ViewId) -> Option<Point3<f64>> {
+        let support = self.support_of(scene, view).ok()?;
         Some(self.look_at.point(scene, support, self.center_offset_m))
     }
 
