@@ -4,11 +4,13 @@
 
 use crate::format::{ImageFormats, MeshFormats, Unit};
 use crate::image::DecodedImage;
+use crate::resting::RestingShape;
 use crate::root::AssetRoot;
 use crate::scan::{extension, name_of};
 use crate::size::{self, StatedLengths};
 use crate::{ObjectInfo, environment};
 use std::path::{Path, PathBuf};
+use syntable_convex::StablePose;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Aabb, Point3};
@@ -17,6 +19,9 @@ use syntable_model::scene::{EnvironmentMap, MassOrigin, MassProperties, Object, 
 
 /// Folders of robot descriptions, which have their meshes beside them.
 const DESCRIPTIONS: [&str; 3] = ["urdf", "urdfs", "robots"];
+
+/// Maximum number of stable poses in a report.
+const SHOWN_POSES: usize = 6;
 
 /// A mesh with more separate parts probably has several objects.
 const MAX_PARTS: usize = 2;
@@ -99,6 +104,7 @@ fn describe(object: &Object, topology: &Topology) -> Inspection {
         .fact("parts", topology.significant_parts())
         .fact("volume", format!("{:.4} liter", topology.solid_volume() * 1e3))
         .fact("mass", describe_mass(&object.mass))
+        .fact("stable poses", describe_poses(object))
         .fact("texture coordinates", yes_no(!mesh.data().uvs.is_empty()))
         .fact("vertex colors", yes_no(!mesh.data().colors.is_empty()))
         .fact("materials", object.materials.len())
@@ -110,6 +116,18 @@ fn describe_mass(mass: &MassProperties) -> String {
     let [x, y, z]: [f64; 3] = mass.center.into();
     let estimated = if mass.origin == MassOrigin::Estimated { " (estimated)" } else { "" };
     format!("{:.3} kg{estimated}, center at ({x:.4}, {y:.4}, {z:.4}) m", mass.kg)
+}
+
+/// The stable poses of an object, most probable first: probability, and the direction of its file that points up.
+fn describe_poses(object: &Object) -> String {
+    let poses = RestingShape::of(object).poses;
+    let shown = poses.iter().take(SHOWN_POSES).map(|StablePose { up: [x, y, z], probability, .. }| {
+        format!("{probability:.3} with ({x:.3}, {y:.3}, {z:.3}) up")
+    });
+    let shown: Vec<String> = shown.collect();
+    let more = poses.len().saturating_sub(SHOWN_POSES);
+    let rest = if more > 0 { format!(", and {more} more") } else { String::new() };
+    format!("{}{rest}", shown.join(", "))
 }
 
 fn yes_no(yes: bool) -> &'static str {

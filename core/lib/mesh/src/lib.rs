@@ -4,7 +4,7 @@
 //!   folders in a fixed order; [`text`] and [`polygon`] help readers of text formats and of polygons.
 //! - A reader produces a [`Model`]: triangles and materials as the file states them; [`paint`] helps with colors by
 //!   vertex and by face, and [`placement`] moves a model. [`repair`] makes the mesh valid, and [`Model::into_object`] turns it into an object for pools.
-//!   [`mass`] estimates its mass.
+//!   [`mass`] estimates its mass, and [`resting`] computes its stable poses.
 //! - [`format`](mod@format) holds the registries of mesh and image formats. A crate adds a format with
 //!   [`register_mesh_format!`] or [`register_image_format!`]; `mesh_folder`, textures, environment maps and
 //!   `syntable check --asset` then read it.
@@ -56,6 +56,7 @@ pub mod paint;
 pub mod placement;
 pub mod polygon;
 pub mod repair;
+pub mod resting;
 pub mod root;
 pub mod scan;
 pub mod size;

@@ -262,6 +262,9 @@ products! {
     /// Support as a directed graph: edges from supporter to supported, roots, cycles, and floating bodies.
     pub const SUPPORT_GRAPH: Key<Value> = scene("support_graph").form(|| Form::Record);
 
+    /// Convex parts, mass, friction and pose of each body, for other physics engines.
+    pub const COLLISION_SHAPES: Key<Value> = scene("collision_shapes").form(|| Form::Records);
+
     /// Pairs of an object and its container.
     pub const INSIDE: Key<Value> = scene("inside").form(|| Form::Records);
 

@@ -13,7 +13,8 @@
 //!
 //! The kind `none` leaves every body where it was placed.
 //!
-//! The annotator `relations` determines contacts and support from the poses of a scene and the same shapes.
+//! The annotator `relations` determines contacts and support from the poses of a scene and the same shapes, and the annotator
+//! `collision_shapes` states them for other engines.
 //!
 //! **Measurements.** The penetration depth of two bodies is the largest depth of any two of their convex parts, and the
 //! depth of two convex parts is the length of their minimum translation vector. Speed is the speed of the center of
@@ -28,6 +29,7 @@
 
 mod acceptance;
 mod collision_shape;
+mod collision_shapes;
 mod decompose;
 mod engine;
 mod hull_cache;
@@ -40,6 +42,7 @@ mod settle;
 mod static_body;
 mod units;
 
+pub use collision_shapes::CollisionShapes;
 pub use none::NoPhysics;
 pub use options::{Collision, Mass, OnViolation, Rapier, Remove};
 pub use relations::Relations;

@@ -97,7 +97,7 @@ impl Bearing {
     }
 }
 
-/// Whether furniture holds a support: its own surface does not block it.
+/// Whether the support is part of furniture with a bounding box. Such furniture blocks no place on the support.
 pub fn holds(bounds: &Aabb, support: &Support) -> bool {
     let center = support.center() - Vector3::z() * 1e-4;
     (0..3).all(|axis| (bounds.min[axis]..=bounds.max[axis]).contains(&center[axis]))

@@ -1,6 +1,7 @@
 //! Bodies that carry objects: bins, shelves, conveyors.
 
 use crate::areas::support_areas;
+use crate::bearing::holds;
 use crate::bounds::rotated_bounds;
 use crate::dist_list::dist_list;
 use crate::footprint::Footprint;
@@ -142,9 +143,14 @@ impl Placer for Support {
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let count = self.count.draw(&mut context.stream.child("count")) as usize;
+        // The body that carries these ones may have rails or walls around its support.
+        let below = self.on.as_ref().map(|on| scene.support(Some(on))).transpose()?;
+        let carries = |body: &BodyDraft| {
+            body.role == Role::Support && below.is_some_and(|below| holds(&body.world_bounds(), below))
+        };
         let mut taken: Vec<Footprint> = scene
             .bodies()
-            .filter(|(_, body)| body.role != Role::Room)
+            .filter(|(_, body)| body.role != Role::Room && !carries(body))
             .map(|(_, body)| self.shapes.of(&body.object, context.cache).footprint(&body.world_from_body))
             .collect();
         for number in 0..count {

@@ -3,7 +3,7 @@
 mod contact;
 mod force;
 mod inside;
-mod solid;
+pub mod solid;
 mod support;
 
 use crate::hull_cache::HullCache;

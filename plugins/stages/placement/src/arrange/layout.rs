@@ -1,8 +1,7 @@
 //! Layouts: where the items of a step are on their supports.
-
-use super::Arrange;
 use super::item::Items;
 use super::site::Sites;
+use super::{Arrange, GAP_M};
 use syntable_model::prelude::*;
 
 /// Limits of the number of objects in a row, and of rows and columns.
@@ -33,6 +32,10 @@ pub struct Rows {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = PER_ROW[0], "maximum" = PER_ROW[1]))]
     per_row: Option<IntDist>,
+    /// Distance between two rows, meters, 0 to 10. By default that of the objects in a row.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = GAP_M[0], "maximum" = GAP_M[1]))]
+    row_gap_m: Option<Dist>,
     /// Probability that a place has an object.
     #[schemars(range(min = 0.0, max = 1.0))]
     occupied: f64,
@@ -58,7 +61,7 @@ pub struct Grid {
 
 impl Default for Rows {
     fn default() -> Self {
-        Self { per_row: None, occupied: 1.0 }
+        Self { per_row: None, row_gap_m: None, occupied: 1.0 }
     }
 }
 
@@ -72,7 +75,8 @@ impl Layout {
     pub fn check(&self) -> Result<(), ConfigError> {
         match self {
             Self::Scatter => Ok(()),
-            Self::Rows(Rows { per_row, .. }) => {
+            Self::Rows(Rows { per_row, row_gap_m, .. }) => {
+                row_gap_m.as_ref().map_or(Ok(()), |gap| gap.within("layout.rows.row_gap_m", GAP_M[0], GAP_M[1]))?;
                 per_row.as_ref().map_or(Ok(()), |per_row| per_row.within("layout.rows.per_row", PER_ROW[0], PER_ROW[1]))
             }
             Self::Grid(Grid { columns, rows, .. }) => {
@@ -161,7 +165,7 @@ impl Rows {
                     (front, right) = (front + (y[1] - y[0]) + gap, right.max(left + (x[1] - x[0])));
                 }
                 if right > left {
-                    left = right + options.gap_m.draw(&mut row.child("gap"));
+                    left = right + self.row_gap_m.as_ref().unwrap_or(&options.gap_m).draw(&mut row.child("gap"));
                     draws = 0;
                 } else if is_empty {
                     // The object is too wide for the rest of the support. A smaller one may follow.

@@ -270,6 +270,22 @@ fn several_bins_are_apart_on_their_table_and_numbered() {
 }
 
 #[test]
+fn a_body_inside_another_is_between_its_walls() {
+    let outer = placer("support", "from = [\"open\"]\nname = \"outer\"");
+    let inner = placer("support", "from = [\"open\"]\nname = \"inner\"\non = \"outer\"\nscale = 0.4\ncount = 2");
+    let (scene, _) = place(&[&*outer, &*inner], 1).expect("placed");
+    let surface = named(&scene, "outer").surface;
+    let bodies: Vec<&BodyDraft> = scene.bodies().map(|(_, body)| body).collect();
+    assert_eq!(bodies.len(), 3);
+    for body in &bodies[1..] {
+        assert!((low(body) - surface.height()).abs() < 1e-6);
+        let inside = |p: &[f64; 2]| surface.column_contains(&Point3::new(p[0], p[1], surface.height()));
+        assert!(rectangle(body).iter().all(inside));
+    }
+    assert!(apart(bodies[1], bodies[2]) > 0.004);
+}
+
+#[test]
 fn objects_start_between_the_walls_and_have_a_level() {
     let bins = placer("support", "from = [\"open\"]\nname = \"bins\"\ncount = 2\non = \"table\"");
     let drop =

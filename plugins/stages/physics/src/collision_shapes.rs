@@ -1,0 +1,128 @@
+//! The collision shapes of a scene, for other physics engines.
+
+use crate::hull_cache::HullCache;
+use crate::options::{Collision, Rapier};
+use crate::relations::solid::{Solid, SolidPart, solids};
+use crate::units;
+use parry3d::math::Vector;
+use syntable_convex::Polyhedron;
+use syntable_model::geometry::{Point3, Pose};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::COLLISION_SHAPES;
+use syntable_model::scene::Body;
+
+/// The collision shapes and the masses of all bodies, with which another physics engine continues a scene: MuJoCo, PyBullet, Isaac.
+///
+/// `collision_shapes` has an entry per body, by `id`. `is_dynamic` states whether the settler moved it. `world_from_body` is its pose
+/// at rest. `mass_kg`, `center_of_mass_body_m`, `inertia_body_kg_m2` about the center of mass, and `friction` are the values of the
+/// simulation. `parts_body_m` lists the corners of each convex part in the body's frame. A wall or floor has `half_spaces_world` instead, each
+/// with a `point_m` on its surface and the outward `normal`.
+///
+/// The parts of the static bodies that carry objects are thicker than their meshes where a board is thin, as in the simulation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CollisionShapes {
+    /// Collision shape of objects and supports. Should equal the option of `settle`.
+    collision: Collision,
+    /// Maximum distance of convex parts from the mesh in its hollows, meters. Should equal the option of `settle`.
+    #[schemars(range(min = 0.001, max = 1.0))]
+    max_deviation_m: f64,
+}
+
+impl Default for CollisionShapes {
+    fn default() -> Self {
+        let Rapier { collision, max_deviation_m, .. } = Rapier::default();
+        Self { collision, max_deviation_m }
+    }
+}
+
+impl Config for CollisionShapes {
+    type Stage = dyn SceneAnnotator;
+    const KIND: &'static str = "collision_shapes";
+    const EXAMPLE: &'static str = "";
+    fn build(self) -> Result<Box<dyn SceneAnnotator>, ConfigError> {
+        let Self { collision, max_deviation_m } = self;
+        Ok(Box::new(Shapes(HullCache::new(&Rapier { collision, max_deviation_m, ..Rapier::default() }))))
+    }
+}
+
+register!(CollisionShapes);
+
+/// The annotator of the kind `collision_shapes`.
+struct Shapes(HullCache);
+
+impl SceneAnnotator for Shapes {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![COLLISION_SHAPES]
+    }
+
+    fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
+        let solids = solids(cx, cx.scene, &self.0);
+        let entries = cx.scene.bodies().iter().zip(&solids).map(|(body, solid)| Value::of(&Entry::new(body, solid)));
+        products.put(COLLISION_SHAPES, Value::List(entries.collect::<Result<_>>()?))
+    }
+}
+
+/// An entry of the product.
+#[derive(Serialize)]
+struct Entry {
+    id: u16,
+    is_dynamic: bool,
+    world_from_body: [[f64; 4]; 4],
+    mass_kg: f64,
+    center_of_mass_body_m: [f64; 3],
+    inertia_body_kg_m2: [[f64; 3]; 3],
+    friction: f64,
+    parts_body_m: Vec<Vec<[f64; 3]>>,
+    half_spaces_world: Vec<HalfSpaceEntry>,
+}
+
+/// A half-space.
+#[derive(Serialize)]
+struct HalfSpaceEntry {
+    point_m: [f64; 3],
+    normal: [f64; 3],
+}
+
+impl Entry {
+    fn new(body: &Body, solid: &Solid) -> Self {
+        let inertia = body.mass.inertia();
+        let body_from_world = body.world_from_body.inverse();
+        Self {
+            id: body.id.0,
+            is_dynamic: solid.is_dynamic,
+            world_from_body: rows(&body.world_from_body),
+            mass_kg: body.mass.kg,
+            center_of_mass_body_m: body.mass.center.into(),
+            inertia_body_kg_m2: std::array::from_fn(|row| std::array::from_fn(|column| inertia[(row, column)])),
+            friction: solid.friction,
+            parts_body_m: solid.parts.iter().filter_map(|part| corners(part, &body_from_world)).collect(),
+            half_spaces_world: solid.parts.iter().filter_map(HalfSpaceEntry::of).collect(),
+        }
+    }
+}
+
+impl HalfSpaceEntry {
+    fn of(part: &SolidPart) -> Option<Self> {
+        let half_space = part.shape.as_halfspace()?;
+        let meters = |v: Vector| v.to_array().map(units::meters);
+        let normal = (part.pose.rotation * half_space.normal).to_array().map(f64::from);
+        Some(Self { point_m: meters(part.pose.translation), normal })
+    }
+}
+
+/// Corners of a convex part, body frame, meters.
+fn corners(part: &SolidPart, body_from_world: &Pose) -> Option<Vec<[f64; 3]>> {
+    let points = Polyhedron::of(&*part.shape)?.points().iter();
+    let world = points.map(|p| Point3::from((part.pose * *p).to_array().map(units::meters)));
+    Some(world.map(|p| (body_from_world * p).into()).collect())
+}
+
+fn rows(pose: &Pose) -> [[f64; 4]; 4] {
+    let matrix = pose.to_homogeneous();
+    std::array::from_fn(|row| std::array::from_fn(|column| matrix[(row, column)]))
+}
