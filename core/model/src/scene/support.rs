@@ -181,6 +181,12 @@ impl Support {
         Self { clear_height_m: Some(meters), ..self }
     }
 
+    /// The same between walls.
+    #[must_use]
+    pub fn with_walls(self, walls: Walls) -> Self {
+        Self { walls: Some(walls), ..self }
+    }
+
     /// Center of the surface, in the world, meters.
     pub fn center(&self) -> Point3<f64> {
         self.surface.center()

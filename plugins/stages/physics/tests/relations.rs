@@ -8,16 +8,25 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::context::{Collected, DatasetContext, Serial};
 use syntable_model::geometry::{Pose, Translation3, UnitQuaternion, Vector3};
-use syntable_model::prelude::{Products, SceneAnnotator};
+use syntable_model::prelude::{Config, Products, SceneAnnotator};
 use syntable_model::registry::{Entry, Stage};
 use syntable_model::scene::*;
 use syntable_model::stage::DatasetInfo;
 
 const G: f64 = 9.81;
 
-/// The products of a scene, by name.
+/// The relations of a scene, by name.
 fn relations_of(scene: &Scene, options: &str) -> BTreeMap<String, Json> {
-    let built = Entry::of::<syntable_physics::Relations>("syntable-physics", "0").construct_str(options);
+    products_of::<syntable_physics::Relations>(
+        scene,
+        options,
+        &["contacts", "support_graph", "inside", "removal_order"],
+    )
+}
+
+/// Products of a scene that an annotator makes, by name.
+fn products_of<C: Config>(scene: &Scene, options: &str, names: &[&str]) -> BTreeMap<String, Json> {
+    let built = Entry::of::<C>("syntable-physics", "0").construct_str(options);
     let Ok(Stage::AnnotateScene(annotator)) = built.map(|built| built.stage) else { panic!("options: {options}") };
     let annotator: Box<dyn SceneAnnotator> = annotator;
     let info = DatasetInfo {
@@ -37,7 +46,7 @@ fn relations_of(scene: &Scene, options: &str) -> BTreeMap<String, Json> {
     annotator.annotate(&cx, &[], &mut products).expect("annotated");
     assert!(log.warnings().is_empty(), "{:?}", log.warnings());
     let json = |name: &str| serde_json::to_value(products.value(name).expect("made")).expect("JSON");
-    ["contacts", "support_graph", "inside", "removal_order"].map(|name| (name.to_owned(), json(name))).into()
+    names.iter().map(|name| ((*name).to_owned(), json(name))).collect()
 }
 
 fn frozen(scene: SceneBuilder) -> Scene {
@@ -301,4 +310,36 @@ fn the_ground_counts_where_there_is_no_floor() {
     scene.add(dynamic(&block("cube", [0.1; 3], 1.0), at(0.0, 0.0, 0.05)));
     let found = relations_of(&frozen(scene), "");
     assert_eq!(edges(&found).into_keys().collect::<Vec<_>>(), [(2, 1)]);
+}
+
+#[test]
+fn collision_shapes_are_the_shapes_of_the_simulation() {
+    let mut scene = table_scene();
+    let cube = object("cube", cuboid([0.0; 3], [0.05, 0.06, 0.07]), 0.2);
+    scene.add(dynamic(&cube, at(0.1, 0.05, TABLE_HEIGHT + 0.2)));
+    settle("", &mut scene);
+    let size = cube.mesh.bounds().size();
+    let scene = frozen(scene);
+    let found = products_of::<syntable_physics::CollisionShapes>(&scene, "", &["collision_shapes"]);
+    let entries = found["collision_shapes"].as_array().expect("a list");
+    assert_eq!(entries.len(), scene.bodies().len());
+    let body = &scene.objects()[0];
+    assert_eq!((&entries[0]["id"], &entries[0]["is_dynamic"]), (&json!(1), &json!(true)));
+    assert_eq!(entries[0]["mass_kg"].as_f64(), Some(body.mass.kg));
+    let parts: Vec<Vec<[f64; 3]>> = serde_json::from_value(entries[0]["parts_body_m"].clone()).expect("points");
+    let [part] = &parts[..] else { panic!("{parts:?}") };
+    assert_eq!(part.len(), 8);
+    assert!(part.iter().all(|p| (0..3).all(|k| (p[k].abs() - size[k] / 2.0).abs() < 1e-4)), "{part:?}");
+    // The tabletop carries the cube: its parts reach up to the height of the support, and no part is above it.
+    let table = scene.bodies().iter().position(|body| body.role == Role::Support).expect("a table");
+    let pose = scene.bodies()[table].world_from_body;
+    let parts: Vec<Vec<[f64; 3]>> = serde_json::from_value(entries[table]["parts_body_m"].clone()).expect("points");
+    let heights = parts.iter().flatten().map(|p| (pose * syntable_model::geometry::Point3::from(*p)).z);
+    let top = heights.fold(f64::NEG_INFINITY, f64::max);
+    assert!((top - TABLE_HEIGHT).abs() < 1e-3, "{top}");
+    // The floor is everything below it.
+    let floor = scene.bodies().iter().position(|body| body.role == Role::Room).expect("a floor");
+    let half_space = &entries[floor]["half_spaces_world"][0];
+    assert_eq!(vector(&half_space["normal"]), Vector3::z());
+    assert!(vector(&half_space["point_m"]).z.abs() < 1e-6, "{half_space}");
 }

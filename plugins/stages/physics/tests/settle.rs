@@ -877,3 +877,63 @@ fn rooms_of_any_shape_contain_their_objects() {
     let [behind, right, left] = ends(&parted)[..] else { panic!("three balls") };
     assert!(behind > 0.74 && right < 0.66 && left < -0.9, "{behind} {right} {left}");
 }
+
+/// A tray of 0.4 m by 0.3 m by 0.2 m on the floor whose inside is filled to a level by cubes of 50 mm.
+fn filled(level: f64, count: usize) -> (SceneBuilder, SettleReport) {
+    let mut scene = SceneBuilder::default();
+    let tray = object("tray", tray([0.42, 0.32, 0.21], 0.01), 1.0);
+    scene.add(draft(&tray, at(0.0, 0.0, 0.0), Role::Support, Motion::Fixed));
+    let surface = Region::rectangle([0.0, 0.0, 0.01], [0.4, 0.3]);
+    let support = Support::new("tray", surface).with_walls(Walls { height_m: 0.2, draft_m: 0.0 });
+    scene.supports.add(support.clone()).expect("new");
+    let cube = object("small cube", cuboid([0.0; 3], [0.05; 3]), 0.1);
+    let mut stream = syntable_model::random::Stream::root(6);
+    for _ in 0..count {
+        let place = Translation3::new(stream.uniform(-0.15, 0.15), stream.uniform(-0.1, 0.1), 0.4);
+        let zone = DropZone { full_at_m: Some(level), ..DropZone::on(support.clone()) };
+        scene.drop_body(dynamic(&cube, Pose::from_parts(place, stream.rotation())), zone);
+    }
+    let report = settle("respawn_fallen = true", &mut scene);
+    (scene, report)
+}
+
+#[test]
+fn a_tray_is_filled_to_a_level() {
+    for (level, count) in [(0.03, 60), (0.06, 80)] {
+        let (scene, report) = filled(level, count);
+        let stay = objects(&scene).count();
+        assert_eq!(stay + report.spare as usize + report.removed.len(), count);
+        assert!(report.spare > 0 && report.removed.is_empty(), "{report:?}");
+        // The mean height of the pile is at least its volume over the area. Random cubes fill more than half of the space below.
+        let solid = stay as f64 * 0.05_f64.powi(3) / (0.4 * 0.3);
+        assert!((0.5 * level..1.15 * level).contains(&solid), "{solid} m of solid at {level} m");
+    }
+    // Too few objects to fill it: all are poured.
+    let (scene, report) = filled(0.15, 8);
+    assert_eq!((objects(&scene).count(), report.spare), (8, 0));
+}
+
+#[test]
+fn a_body_respawns_below_the_next_board() {
+    // Two boards. A crowd on the upper one must not lift what starts again on the lower one.
+    let mut scene = SceneBuilder::default();
+    let boards = join([0.4, 0.8].map(|z| cuboid([0.0, 0.0, z - 0.01], [0.8, 0.4, 0.02])));
+    scene.add(draft(&object("boards", boards, 5.0), at(0.0, 0.0, 0.0), Role::Support, Motion::Fixed));
+    for (name, height) in [("shelf/1", 0.4), ("shelf/2", 0.8)] {
+        let support = Support::new(name, Region::rectangle([0.0, 0.0, height], [0.8, 0.4]));
+        let support = if height < 0.5 { support.with_clear_height(0.38) } else { support };
+        scene.supports.add(support).expect("new");
+    }
+    let cube = object("small cube", cuboid([0.0; 3], [0.05; 3]), 0.1);
+    let [lower, upper] = [0, 1].map(|i| scene.supports.iter().nth(i).expect("a board").clone());
+    for i in 0..12 {
+        let pose = at(-0.3 + 0.12 * f64::from(i % 6), -0.08 + 0.16 * f64::from(i / 6), 0.83);
+        scene.drop_body(dynamic(&cube, pose), DropZone::on(upper.clone()));
+    }
+    // It starts beyond the edge, and falls.
+    scene.drop_body(dynamic(&cube, at(0.5, 0.0, 0.5)), DropZone::on(lower));
+    let report = settle("respawn_fallen = true", &mut scene);
+    assert!(report.removed.is_empty() && report.respawned >= 1, "{report:?}");
+    let on_lower = objects(&scene).filter(|body| (0.4..0.5).contains(&body.world_from_body.translation.z)).count();
+    assert_eq!(on_lower, 1);
+}
