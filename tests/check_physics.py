@@ -9,6 +9,8 @@
   penetration the deepest penetration of two bodies, mm
   speed       the largest residual speed, mm/s
   respawned   respawns per scene
+  upright     fraction of the objects whose up axis is within 10 degrees of the axis that pointed up when they were put
+              down; only with --upright, for recipes that put all objects down with `arrange`
   MuJoCo      fraction of the objects that move less than 5 mm and turn less than 5 degrees while MuJoCo simulates
               one second, with the same convex parts, masses and friction
 `poses` compares the stable poses of meshes, as `syntable check --asset` prints them, with those of trimesh. Both are
@@ -30,14 +32,16 @@ import numpy as np
 
 # Limits of "stays" in the second engine.
 MAX_SHIFT_M, MAX_TURN_DEG = 0.005, 5.0
+# An object that leans more is not upright.
+UPRIGHT_DEG = 10.0
 
 
 def sets(options):
     return [argument for value in options.set for argument in ("--set", value)]
 
 
-def records_of(recipe, options):
-    """Settle reports and collision shapes of the scenes of a recipe."""
+def records_of(recipe, options, physics=True):
+    """Settle reports, bodies and collision shapes of the scenes of a recipe."""
     with tempfile.TemporaryDirectory() as folder:
         derived, out = pathlib.Path(folder) / "labels.toml", pathlib.Path(folder) / "dataset"
         plan = subprocess.run([options.program, "plan", recipe] + sets(options), check=True, capture_output=True, text=True)
@@ -47,7 +51,7 @@ def records_of(recipe, options):
             '[write.scenes]\nkind = "jsonl"\ninclude = ["settle_report", "collision_shapes", "bodies"]\nper = "scene"\n')
         subprocess.run(
             [options.program, "run", derived, "--out", out, "--set", f"dataset.scenes={options.scenes}", "--views", "1"]
-            + sets(options), check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            + ([] if physics else ["--set", 'settle={ kind = "none" }']) + sets(options), check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         return [json.loads(line) for line in (out / "scenes.jsonl").read_text().splitlines()]
 
 
@@ -122,8 +126,21 @@ def stays(shapes, seconds=1.0):
     return len(moving), kept
 
 
+def upright(before, after):
+    """Number of objects, and of those that are still as upright as they were put down."""
+    count = still = 0
+    for first, last in zip(before, after):
+        objects = [[np.array(body["world_from_body"])[2, :3] for body in record["bodies"] if body["role"] == "object"]
+                   for record in (first, last)]
+        if len(objects[0]) != len(objects[1]):
+            raise SystemExit("objects were removed, so that the scenes cannot be compared")
+        count += len(objects[0])
+        still += sum(np.dot(a, b) > math.cos(math.radians(UPRIGHT_DEG)) for a, b in zip(*objects))
+    return count, still
+
+
 def check_scenes(options):
-    print(f"{'':28} {'objects':>8} {'kept':>7} {'penetration':>12} {'speed':>9} {'respawned':>10} {'MuJoCo':>8}")
+    print(f"{'':28} {'objects':>8} {'kept':>7} {'penetration':>12} {'speed':>9} {'respawned':>10} {'upright':>8} {'MuJoCo':>8}")
     for recipe in options.paths:
         records = records_of(recipe, options)
         reports = [record["settle_report"] for record in records]
@@ -134,9 +151,13 @@ def check_scenes(options):
         respawned = sum(report["respawned"] for report in reports)
         counts = [stays(record["collision_shapes"]) for record in records[:options.continued]]
         all_bodies, still = (sum(count) for count in zip(*counts)) if counts else (0, 0)
+        stand = "       -"
+        if options.upright:
+            standing, upright_still = upright(records_of(recipe, options, physics=False), records)
+            stand = f"{upright_still / standing:8.4f}"
         share = f"{still / all_bodies:8.3f}" if all_bodies else "       -"
         print(f"{recipe.stem:28} {kept / len(reports):8.1f} {kept / placed:7.4f} {depth * 1e3:9.2f} mm {speed * 1e3:4.1f} mm/s"
-              f" {respawned / len(reports):10.2f} {share}", flush=True)
+              f" {respawned / len(reports):10.2f} {stand} {share}", flush=True)
 
 
 def clustered(poses, degrees=10.0):
@@ -174,7 +195,8 @@ def check_poses(options):
             if probability > 0.02:
                 worst = max(worst, abs(near(ours) - near(theirs)))
         worst_of_all = max(worst_of_all, worst)
-        print(f"{path.parent.name[:24] + '/' + path.name[:20]:46} {len(ours):3} of {len(theirs):3} poses, "
+        name = next(part for part in reversed(path.parts[:-1]) if part not in ("meshes", "google_16k", "."))
+        print(f"{name[:44]:46} {len(ours):3} of {len(theirs):3} poses, "
               f"most probable {ours[0][1]:.3f} and {theirs[0][1]:.3f}, largest difference {worst:.3f}", flush=True)
     print(f"largest difference of all: {worst_of_all:.3f}")
 
@@ -185,6 +207,7 @@ def main():
     parser.add_argument("paths", nargs="+", type=pathlib.Path)
     parser.add_argument("--scenes", type=int, default=200)
     parser.add_argument("--continue", type=int, default=40, dest="continued", help="scenes that MuJoCo continues")
+    parser.add_argument("--upright", action="store_true", help="compare with the scenes before physics")
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--program", default="target/release/syntable")
     options = parser.parse_args()

@@ -20,8 +20,8 @@ use syntable_model::scene::{EnvironmentMap, MassOrigin, MassProperties, Object, 
 /// Folders of robot descriptions, which have their meshes beside them.
 const DESCRIPTIONS: [&str; 3] = ["urdf", "urdfs", "robots"];
 
-/// Maximum number of stable poses in a report.
-const SHOWN_POSES: usize = 6;
+/// Stable poses of at least this probability are in a report.
+const SHOWN_PROBABILITY: f64 = 0.01;
 
 /// A mesh with more separate parts probably has several objects.
 const MAX_PARTS: usize = 2;
@@ -121,13 +121,18 @@ fn describe_mass(mass: &MassProperties) -> String {
 /// The stable poses of an object, most probable first: probability, and the direction of its file that points up.
 fn describe_poses(object: &Object) -> String {
     let poses = RestingShape::of(object).poses;
-    let shown = poses.iter().take(SHOWN_POSES).map(|StablePose { up: [x, y, z], probability, .. }| {
-        format!("{probability:.3} with ({x:.3}, {y:.3}, {z:.3}) up")
-    });
-    let shown: Vec<String> = shown.collect();
-    let more = poses.len().saturating_sub(SHOWN_POSES);
-    let rest = if more > 0 { format!(", and {more} more") } else { String::new() };
-    format!("{}{rest}", shown.join(", "))
+    let (shown, rare): (Vec<_>, Vec<_>) = poses.iter().partition(|pose| pose.probability >= SHOWN_PROBABILITY);
+    let mut lines: Vec<String> = shown
+        .iter()
+        .map(|StablePose { up: [x, y, z], probability, .. }| {
+            format!("{probability:.3} with ({x:.3}, {y:.3}, {z:.3}) up")
+        })
+        .collect();
+    if !rare.is_empty() {
+        let all: f64 = rare.iter().map(|pose| pose.probability).sum();
+        lines.push(format!("{all:.3} in {} others", rare.len()));
+    }
+    lines.join(", ")
 }
 
 fn yes_no(yes: bool) -> &'static str {

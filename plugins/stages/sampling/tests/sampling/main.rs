@@ -3,7 +3,7 @@
 mod lens;
 mod lights;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 use syntable_model::context::{Collected, NoCache, Serial};
 use syntable_model::digest::Digest;
@@ -186,6 +186,32 @@ fn paper_views_are_uniform_in_the_shell_and_look_at_the_tabletop() {
         let d = kolmogorov_smirnov(values);
         assert!(d < bound(n as usize), "{name}: {d}");
     }
+}
+
+#[test]
+fn views_of_a_shelf_take_its_boards_in_turn_from_the_front() {
+    let mut scene = scene(None);
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 30.0_f64.to_radians());
+    for (name, height) in [("shelf/1", 0.4), ("shelf/2", 0.8)] {
+        let region = Region::rectangle([0.0, 0.0, height], [0.8, 0.3])
+            .moved(&Pose::from_parts(Vector3::new(1.0, 2.0, 0.0).into(), turn));
+        scene.supports.add(Support::new(name, region)).expect("new");
+    }
+    let sampler = views(
+        "hemisphere_shell",
+        "support = \"shelf\"\nradius = { meters = [0.9, 1.2] }\nelevation_deg = [0, 30]\nazimuth_deg = [-120, -60]",
+    );
+    for seed in 0..400 {
+        let view = ViewId(seed as u32 % 4);
+        let pose = with_context(seed, |context| sampler.pose(&scene, view, context)).expect("a pose");
+        let board = Point3::new(1.0, 2.0, if view.0 % 2 == 0 { 0.4 } else { 0.8 });
+        assert_eq!(sampler.target(&scene, view), Some(board));
+        // Against the shelf's own front, which is turned by 30 degrees.
+        let from_shelf = turn.inverse() * (pose.translation.vector - board.coords);
+        let azimuth = from_shelf.y.atan2(from_shelf.x).to_degrees();
+        assert!((-120.0 - 1e-9..=-60.0 + 1e-9).contains(&azimuth), "{azimuth}");
+    }
+    assert!(refused(Slot::Views, "hemisphere_shell", "azimuth_deg = [10, -10]").contains("azimuth_deg"));
 }
 
 #[test]
