@@ -243,7 +243,7 @@ impl Supports {
         self.0.first()
     }
 
-    /// The support that a recipe names, or the main one if it names none. The name of a [group](Self::group) stands for its first
+    /// The support that a recipe names, or the main one if it names none. The name of a [group](Self::group) means its first
     /// member.
     ///
     /// # Errors

@@ -264,7 +264,7 @@ fn meets(set: &Part, needed: &Part) -> bool {
     }
 }
 
-/// Whether a name in a recipe can stand for supports that a step sets: for one of them, or for a group of them.
+/// Whether a name in a recipe can mean supports that a step sets: one of them, or a group of them.
 fn may_name(name: &str, set: &str) -> bool {
     is_in_group(set, name) || is_in_group(name, set)
 }

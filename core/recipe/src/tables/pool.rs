@@ -177,7 +177,7 @@ pub struct ObjectProperties {
 }
 
 impl ObjectProperties {
-    /// These properties, and where they are silent, others such as those of the category.
+    /// These properties. Where they are silent, others hold, such as the properties of the category.
     pub fn or(self, other: Self) -> Self {
         let states_mass = self.mass_kg.is_some() || self.density_kg_m3.is_some();
         Self {

@@ -275,7 +275,7 @@ impl Engine {
         })
     }
 
-    /// Mean height of bodies above a region, meters: of the highest point of any of them over each point of a grid, 0 where none is.
+    /// Mean height of bodies above a region, meters: of the highest point of any of them over each point of a grid, 0 without a body.
     /// Bodies that fall do not count.
     pub fn mean_height(&self, bodies: impl Iterator<Item = usize>, region: &Region) -> f64 {
         let resting = bodies.filter(|&body| self.speeds(body).0 < ROLLING_M_S);

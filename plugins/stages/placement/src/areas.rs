@@ -122,7 +122,7 @@ impl Grid {
         }
         let least = (MIN_FRACTION * (CELLS * CELLS) as f64) as usize;
         let mut levels = Vec::new();
-        // The bins of one surface can be neighbors: the fullest one stands for both.
+        // The bins of one surface can be neighbors: the fuller one represents both.
         for (number, count) in cells.iter().enumerate() {
             let next = cells.get(number + 1).copied().unwrap_or(0);
             let before = number.checked_sub(1).map_or(0, |before| cells[before]);

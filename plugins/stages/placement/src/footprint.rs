@@ -79,7 +79,7 @@ impl Footprint {
         !self.edges().chain(other.edges()).any(separates)
     }
 
-    /// The part of a triangle that is above or below the outline: its corners, in order. Fewer than three if there is none
+    /// The part of a triangle that is above or below the outline: its corners, in order. Fewer than three if no part is
     /// (Sutherland and Hodgman, Communications of the ACM 17, 1974).
     pub fn clip(&self, triangle: [Point3<f64>; 3]) -> Vec<Point3<f64>> {
         let mut polygon = triangle.to_vec();

@@ -227,7 +227,7 @@ impl Support {
                 Some(position) => [0, 1].map(|axis| position[axis].draw(&mut positions)),
                 None if self.on.is_some() => below.edges().map(|edge| positions.uniform(-edge / 2.0, edge / 2.0)),
                 None if number == 0 && attempt == 0 => [0.0; 2],
-                // On the floor, further bodies are anywhere around the center, farther out the more attempts there are.
+                // On the floor, further bodies are anywhere around the center, farther out with every attempt.
                 None => {
                     let reach = (1.0 + number as f64 + f64::from(attempt) / 20.0) * size.x.max(size.y);
                     [0, 1].map(|_| positions.uniform(-reach, reach))

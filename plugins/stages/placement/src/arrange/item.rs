@@ -1,4 +1,4 @@
-//! What is put down at one place: an object, or a stack of objects.
+//! An item: an object, or a stack of objects, that is put down at one place.
 
 use super::Arrange;
 use crate::footprint::Footprint;
@@ -122,7 +122,7 @@ impl<'a> Items<'a> {
             if self.options.alike || attempt + 1 == MAX_DRAWS {
                 return Ok(None);
             }
-            // This object is left out: another one may fit.
+            // This object is left out: the next one may fit.
             self.next += 1;
         }
         Ok(None)

@@ -32,7 +32,7 @@ pub struct Rows {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = PER_ROW[0], "maximum" = PER_ROW[1]))]
     per_row: Option<IntDist>,
-    /// Distance between two rows, meters, 0 to 10. By default that of the objects in a row.
+    /// Distance between two rows, meters, 0 to 10. By default the distance of the objects in a row.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = GAP_M[0], "maximum" = GAP_M[1]))]
     row_gap_m: Option<Dist>,

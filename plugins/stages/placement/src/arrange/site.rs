@@ -10,7 +10,7 @@ use syntable_model::scene::{BodyDraft, DropZone, Region, Role};
 /// Distance of objects from the walls around a support and from the space of the next one, meters.
 const WALL_GAP_M: f64 = 0.003;
 
-/// The supports of a step, the bodies around them, and what was put down so far.
+/// The supports of a step, the bodies around them, and the bodies that were put down so far.
 pub struct Sites {
     sites: Vec<Site>,
     /// Footprints of the bodies that block places.
