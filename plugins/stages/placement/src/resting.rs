@@ -20,7 +20,7 @@ pub enum RestingPose {
     /// The stable pose whose up direction is nearest to the +z axis of the object's file: cans and bottles stand.
     Upright,
     /// The pose of the object's file: its +z axis points up.
-    AsModelled,
+    AsModeled,
     /// A stable pose, drawn by its probability.
     StablePose,
 }
@@ -29,7 +29,7 @@ impl RestingPose {
     /// Draws the rotation of an object whose yaw is 0.
     pub fn draw(self, shape: &RestingShape, stream: &mut Stream) -> UnitQuaternion<f64> {
         let up = match self {
-            Self::AsModelled => None,
+            Self::AsModeled => None,
             Self::Upright => shape.upright(),
             Self::StablePose => shape.stable(stream.unit()),
         };

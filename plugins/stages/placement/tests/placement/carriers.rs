@@ -54,7 +54,7 @@ fn named<'s>(scene: &'s SceneBuilder, name: &str) -> &'s Support {
 
 #[test]
 fn scattered_objects_are_on_the_table_and_apart() {
-    let options = "from = [\"small\"]\ncount = 14\npose = \"as_modelled\"\ngap_m = 0.02";
+    let options = "from = [\"small\"]\ncount = 14\npose = \"as_modeled\"\ngap_m = 0.02";
     let arrange = placer("arrange", options);
     let mut yaws = Vec::new();
     for seed in 0..20 {
@@ -64,7 +64,7 @@ fn scattered_objects_are_on_the_table_and_apart() {
         for (i, body) in objects.iter().enumerate() {
             assert!((low(body) - 0.751).abs() < 1e-5, "1 mm above the table: {}", low(body));
             assert!(rectangle(body).iter().all(|p| p[0].abs() <= 0.6 + 1e-6 && p[1].abs() <= 0.4 + 1e-6));
-            // As modelled: the box's z is up.
+            // As modeled: the box's z is up.
             assert!((body.world_from_body.rotation * Vector3::z() - Vector3::z()).norm() < 1e-9);
             assert!(objects[..i].iter().all(|other| apart(body, other) >= 0.02 - 1e-6), "seed {seed}");
             let x = body.world_from_body.rotation * Vector3::x();
@@ -110,7 +110,7 @@ fn boxes_rest_on_their_sides_by_solid_angles_and_stand_if_asked() {
 #[test]
 fn rows_begin_at_the_front_left_corner_and_hold_copies() {
     let options =
-        "from = [\"small\"]\ncount = 30\npose = \"as_modelled\"\nlayout = { rows = { per_row = 5 } }\ngap_m = 0.03";
+        "from = [\"small\"]\ncount = 30\npose = \"as_modeled\"\nlayout = { rows = { per_row = 5 } }\ngap_m = 0.03";
     let (scene, _) = place(&[&*table(), &*placer("arrange", options)], 3).expect("placed");
     let objects = objects(&scene);
     assert_eq!(objects.len(), 30);
@@ -127,7 +127,7 @@ fn rows_begin_at_the_front_left_corner_and_hold_copies() {
         left += row[0].object.mesh.bounds().size().x + 0.03;
     }
     // Without a number per row, a row is as long as the table.
-    let options = "from = [\"slim\"]\ncount = 200\npose = \"as_modelled\"\nlayout = { rows = {} }\ngap_m = 0";
+    let options = "from = [\"slim\"]\ncount = 200\npose = \"as_modeled\"\nlayout = { rows = {} }\ngap_m = 0";
     let (scene, _) = place(&[&*table(), &*placer("arrange", options)], 3).expect("placed");
     // 1.2 m by 0.8 m, in places of 60 mm by 20 mm.
     assert_eq!(super::objects(&scene).len(), 200);
@@ -156,7 +156,7 @@ fn a_grid_has_objects_in_the_middles_of_its_cells() {
 
 #[test]
 fn stacks_stand_on_flat_tops() {
-    let options = "from = [\"small\"]\ncount = 12\npose = \"as_modelled\"\nstack = 3\nyaw_deg = 0";
+    let options = "from = [\"small\"]\ncount = 12\npose = \"as_modeled\"\nstack = 3\nyaw_deg = 0";
     let (scene, _) = place(&[&*table(), &*placer("arrange", options)], 1).expect("placed");
     let objects = objects(&scene);
     assert_eq!(objects.len(), 12, "each object counts");
@@ -169,11 +169,11 @@ fn stacks_stand_on_flat_tops() {
         }
     }
     // Nothing stands on a cone.
-    let cones = "from = [\"cones\"]\ncount = 6\npose = \"as_modelled\"\nstack = 2";
+    let cones = "from = [\"cones\"]\ncount = 6\npose = \"as_modeled\"\nstack = 2";
     let (scene, _) = place(&[&*table(), &*placer("arrange", cones)], 1).expect("placed");
     assert!(super::objects(&scene).iter().all(|body| (low(body) - 0.751).abs() < 1e-5));
     // Mixed stacks: the center of mass of each object is above the top of the one below.
-    let mixed = "from = [\"small\"]\ncount = 24\npose = \"as_modelled\"\nstack = 2\nalike = false";
+    let mixed = "from = [\"small\"]\ncount = 24\npose = \"as_modeled\"\nstack = 2\nalike = false";
     let (scene, _) = place(&[&*table(), &*placer("arrange", mixed)], 2).expect("placed");
     let objects = super::objects(&scene);
     let upper: Vec<usize> = (0..objects.len()).filter(|i| low(objects[*i]) > 0.76).collect();
