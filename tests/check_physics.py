@@ -13,8 +13,8 @@
               down; only with --upright, for recipes that put all objects down with `arrange`
   MuJoCo      fraction of the objects that move less than 5 mm and turn less than 5 degrees while MuJoCo simulates
               one second, with the same convex parts, masses and friction
-`poses` compares the stable poses of meshes, as `syntable check --asset` prints them, with those of trimesh. Both are
-clustered: poses within 10 degrees are one. It prints the largest difference of the probabilities.
+`poses` compares the stable poses of meshes, as `syntable check --asset` prints them, with the poses of trimesh. Poses of
+both that are at most 12 degrees apart are one group. It prints the largest difference of the probabilities of a group.
 
 The program is `--program`, by default target/release/syntable.
 """
@@ -160,17 +160,20 @@ def check_scenes(options):
               f" {respawned / len(reports):10.2f} {stand} {share}", flush=True)
 
 
-def clustered(poses, degrees=10.0):
-    """Poses (direction, probability) with the near ones merged, most probable first."""
-    found = []
-    for up, probability in sorted(poses, key=lambda pose: -pose[1]):
-        for other in found:
-            if np.dot(up, other[0]) > math.cos(math.radians(degrees)):
-                other[1] += probability
-                break
-        else:
-            found.append([np.array(up), probability])
-    return found
+def clusters(poses, degrees=12.0):
+    """Groups of poses (direction, probability, whose) that are connected by steps of at most some degrees."""
+    ups = np.array([pose[0] for pose in poses])
+    near = ups @ ups.T > math.cos(math.radians(degrees))
+    group = -np.ones(len(poses), dtype=int)
+    for first in range(len(poses)):
+        if group[first] < 0:
+            waiting = [first]
+            while waiting:
+                at = waiting.pop()
+                if group[at] < 0:
+                    group[at] = first
+                    waiting.extend(np.flatnonzero(near[at] & (group < 0)))
+    return [[poses[i] for i in np.flatnonzero(group == number)] for number in sorted(set(group))]
 
 
 def check_poses(options):
@@ -180,24 +183,21 @@ def check_poses(options):
         said = subprocess.run([options.program, "check", "--asset", path], check=True, capture_output=True, text=True).stdout
         line = next(line for line in said.splitlines() if "stable poses" in line)
         number = r"(-?[\d.]+)"
-        ours = [(np.array([float(x) for x in match[1:]]), float(match[0]))
+        ours = [(np.array([float(x) for x in match[1:]]), float(match[0]), "ours")
                 for match in re.findall(rf"{number} with \({number}, {number}, {number}\) up", line)]
         loaded = trimesh.load(path, force="mesh", process=True)
         center = re.search(rf"center at \({number}, {number}, {number}\)", said)
         transforms, probabilities = trimesh.poses.compute_stable_poses(
             loaded, center_mass=[float(x) for x in center.groups()], threshold=0.0)
-        theirs = [(transform[:3, :3].T @ [0, 0, 1], probability) for transform, probability in zip(transforms, probabilities)]
-        theirs = clustered(theirs)
-        ours = clustered(ours)
-        worst = 0.0
-        for up, probability in theirs + ours:
-            near = lambda poses: sum(p for u, p in poses if np.dot(u, up) > math.cos(math.radians(12)))
-            if probability > 0.02:
-                worst = max(worst, abs(near(ours) - near(theirs)))
+        theirs = [(transform[:3, :3].T @ [0, 0, 1], probability, "theirs")
+                  for transform, probability in zip(transforms, probabilities)]
+        groups = clusters(ours + theirs)
+        total = lambda group, whose: sum(probability for _, probability, who in group if who == whose)
+        worst = max(abs(total(group, "ours") - total(group, "theirs")) for group in groups)
         worst_of_all = max(worst_of_all, worst)
         name = next(part for part in reversed(path.parts[:-1]) if part not in ("meshes", "google_16k", "."))
-        print(f"{name[:44]:46} {len(ours):3} of {len(theirs):3} poses, "
-              f"most probable {ours[0][1]:.3f} and {theirs[0][1]:.3f}, largest difference {worst:.3f}", flush=True)
+        print(f"{name[:44]:46} {len(ours):3} and {len(theirs):3} poses in {len(groups):2} groups, "
+              f"largest difference {worst:.3f}", flush=True)
     print(f"largest difference of all: {worst_of_all:.3f}")
 
 

@@ -32,8 +32,8 @@ pub struct StablePose {
 ///
 /// The estimate is quasi-static (Goldberg, Mirtich, Zhuang, Craig, Carlisle and Canny, IEEE Trans. Robotics and Automation 15,
 /// 1999): the body starts in a uniformly random orientation and lands on the facet below its center of mass, with the probability
-/// of the facet's solid angle seen from there. It rolls over the edge that the center of mass is farthest beyond, from facet to
-/// facet, until the center of mass is above the facet that it rests on.
+/// of the facet's solid angle seen from there. It rolls over the edge that separates the center of mass from the center of the facet,
+/// from facet to facet, until the center of mass is above the facet that it rests on.
 ///
 /// Poses within 5° are one pose, the most probable of them. The least probable poses are left out up to a probability of 2 %, such as the
 /// edges of a scanned box. The result is empty only for a hull without a volume.
@@ -85,7 +85,7 @@ struct Facet {
     height: f64,
     /// Smallest angle that tips the body over one of its edges, radians. Negative if the body does not rest on it.
     tipping: f64,
-    /// The facet behind the edge that the center of mass is farthest beyond; none if the body rests on this one.
+    /// The facet behind the edge that separates the center of mass from the center of this facet; none if the body rests on it.
     rolls_to: Option<usize>,
 }
 
@@ -128,7 +128,13 @@ impl Facet {
         let facet = |(number, triangles_of): (usize, &Vec<usize>)| {
             let normal = triangles_of.iter().map(|&index| cross(triangles[index])).sum::<Vector3<f64>>().normalize();
             let height = at(triangles[triangles_of[0]][0]).dot(&normal);
-            let mut nearest: Option<(f64, Option<usize>)> = None;
+            let area = |index: &usize| cross(triangles[*index]).norm();
+            let middle = |index: &usize| triangles[*index].map(at).iter().sum::<Vector3<f64>>() / 3.0;
+            let centroid = triangles_of.iter().map(|index| middle(index) * area(index)).sum::<Vector3<f64>>()
+                / triangles_of.iter().map(area).sum::<f64>();
+            // The center of mass is the origin: its direction from the centroid, along the facet.
+            let towards = normal * height - centroid;
+            let (mut distance, mut rolls_to) = (f64::INFINITY, None);
             for &index in triangles_of {
                 for side in 0..3 {
                     let (a, b) = (triangles[index][side], triangles[index][(side + 1) % 3]);
@@ -136,21 +142,21 @@ impl Facet {
                     if other == Some(number) {
                         continue;
                     }
-                    // The center of mass is the origin: its distance from the edge, along the facet.
                     let inwards = normal.cross(&(at(b) - at(a))).normalize();
-                    let distance = -at(a).dot(&inwards);
-                    if nearest.is_none_or(|(nearest, _)| distance < nearest) {
-                        nearest = Some((distance, other));
+                    distance = distance.min(-at(a).dot(&inwards));
+                    // The edge is crossed on the way from the centroid to the center of mass.
+                    let is_left_of = |from: Vector3<f64>, to: Vector3<f64>| from.cross(&to).dot(&normal) >= 0.0;
+                    if is_left_of(at(a) - centroid, towards) && is_left_of(towards, at(b) - centroid) {
+                        rolls_to = other;
                     }
                 }
             }
-            let (distance, other) = nearest.unwrap_or((0.0, None));
             Self {
                 normal,
                 solid_angle: triangles_of.iter().map(|&index| solid_angle(triangles[index].map(at))).sum(),
                 height,
                 tipping: libm::atan2(distance, height),
-                rolls_to: other.filter(|_| distance < 0.0),
+                rolls_to: rolls_to.filter(|_| distance < 0.0),
             }
         };
         members.iter().enumerate().map(facet).collect()
