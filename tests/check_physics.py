@@ -195,7 +195,7 @@ def check_poses(options):
         total = lambda group, whose: sum(probability for _, probability, who in group if who == whose)
         worst = max(abs(total(group, "ours") - total(group, "theirs")) for group in groups)
         worst_of_all = max(worst_of_all, worst)
-        name = next(part for part in reversed(path.parts[:-1]) if part not in ("meshes", "google_16k", "."))
+        name = next((part for part in reversed(path.parts[:-1]) if part not in ("meshes", "google_16k")), path.name)
         print(f"{name[:44]:46} {len(ours):3} and {len(theirs):3} poses in {len(groups):2} groups, "
               f"largest difference {worst:.3f}", flush=True)
     print(f"largest difference of all: {worst_of_all:.3f}")

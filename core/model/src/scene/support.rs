@@ -218,9 +218,9 @@ impl Supports {
     /// Adds a support.
     ///
     /// # Errors
-    /// If another support has the name, or the region or the clear height is not a finite, positive size.
+    /// If another support has the name, or the region, the clear height or the walls are not of a finite, positive size.
     pub fn add(&mut self, support: Support) -> Result<()> {
-        let Support { name, surface, clear_height_m, .. } = &support;
+        let Support { name, surface, clear_height_m, walls } = &support;
         if self.iter().any(|other| other.name == *name) {
             let help = "give each placer's support a name of its own";
             return Err(Error::new(format!("the scene already has a support `{name}`")).help(help));
@@ -228,6 +228,11 @@ impl Supports {
         let sizes = surface.size.iter().chain(clear_height_m);
         if !(surface.center.iter().all(|x| x.is_finite()) && sizes.into_iter().all(|x| x.is_finite() && *x > 0.0)) {
             return Err(Error::new(format!("the region of the support `{name}` has no size: {support:?}")));
+        }
+        if let Some(Walls { height_m, draft_m }) = walls
+            && !(height_m.is_finite() && *height_m > 0.0 && draft_m.is_finite() && *draft_m >= 0.0)
+        {
+            return Err(Error::new(format!("the walls of the support `{name}` have no size: {walls:?}")));
         }
         self.0.push(support);
         Ok(())
@@ -252,14 +257,17 @@ impl Supports {
         self.group(name).map(|group| group[0])
     }
 
-    /// The supports that a recipe names: one, or all whose names start with the name and a slash, such as `shelf/1` and `shelf/2`
-    /// for `shelf`. Without a name, the main support. Never empty.
+    /// The supports that a recipe names: the one with the name, or else all whose names start with the name and a slash, such as
+    /// `shelf/1` and `shelf/2` for `shelf`. Without a name, the main support. Never empty.
     ///
     /// # Errors
     /// See [`get`](Self::get).
     pub fn group(&self, name: Option<&SupportName>) -> Result<Vec<&Support>> {
         let found: Vec<&Support> = match name {
-            Some(name) => self.iter().filter(|support| is_in_group(&support.name, name.as_str())).collect(),
+            Some(name) => match self.iter().find(|support| *support.name == *name.as_str()) {
+                Some(exactly) => vec![exactly],
+                None => self.iter().filter(|support| is_in_group(&support.name, name.as_str())).collect(),
+            },
             None => self.main().into_iter().collect(),
         };
         let found = Some(found).filter(|found| !found.is_empty());
@@ -299,12 +307,14 @@ pub struct DropZone {
     /// Mean height of the pile over the area at which the support is full, meters above its surface. The settler pours the bodies
     /// with a level one after another, and takes out the remaining ones.
     pub full_at_m: Option<f64>,
+    /// Whether the body starts where it is to rest. Such a body is not poured.
+    pub starts_at_rest: bool,
 }
 
 impl DropZone {
     /// The whole surface of a support.
     pub fn on(support: Support) -> Self {
-        Self { area: support.surface, support, full_at_m: None }
+        Self { area: support.surface, support, full_at_m: None, starts_at_rest: false }
     }
 }
 
@@ -333,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_stands_for_the_supports_that_it_begins() {
+    fn a_name_means_the_supports_that_it_begins() {
         let mut shelf = shelf();
         for name in ["bins/1", "bins/2/1", "bins2"] {
             shelf.add(Support::new(name, Region::rectangle([0.0; 3], [1.0, 1.0]))).expect("new");
@@ -346,6 +356,10 @@ mod tests {
         assert_eq!(names("bins/2"), ["bins/2/1"]);
         assert_eq!(&*shelf.get(Some(&"bins".into())).expect("there").name, "bins/1");
         assert!(shelf.group(Some(&"bin".into())).is_err());
+        // A support of the very name is meant alone.
+        shelf.add(Support::new("bins", Region::rectangle([0.0; 3], [1.0, 1.0]))).expect("new");
+        let group = shelf.group(Some(&"bins".into())).expect("there");
+        assert_eq!(group.iter().map(|support| &*support.name).collect::<Vec<_>>(), ["bins"]);
     }
 
     #[test]
@@ -385,5 +399,8 @@ mod tests {
         };
         assert!(!add(&mut shelf, "upper", [1.0, 1.0]) && !add(&mut shelf, "flat", [1.0, 0.0]));
         assert!(!add(&mut shelf, "vast", [f64::INFINITY, 1.0]) && add(&mut shelf, "floor", [1.0, 1.0]));
+        let bin = Support::new("bin", Region::rectangle([0.0; 3], [1.0, 1.0]));
+        assert!(shelf.add(bin.clone().with_walls(Walls { height_m: f64::NAN, draft_m: 0.0 })).is_err());
+        assert!(shelf.add(bin.with_walls(Walls { height_m: 0.1, draft_m: 0.0 })).is_ok());
     }
 }

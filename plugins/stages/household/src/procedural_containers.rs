@@ -268,7 +268,7 @@ impl Dimensions {
         }
         let Self { floor, height, wall, draft, rim, ribs } = *self;
         let corner = joinery.uniform(0.008, 0.035);
-        let rim_height = (0.6 * rim).clamp(wall, 0.25 * height.max(wall));
+        let rim_height = (0.6 * rim).min(0.25 * height).max(wall).min(0.9 * height);
         let tub = Tub { floor, depth: height, wall, draft, corner, rim, rim_height };
         joinery.join(TOP, tub.solid());
         // Ribs on the outside, from near the bottom to the flange.
@@ -289,7 +289,7 @@ impl Dimensions {
                 joinery.join(TOP, rib.rotated(2, 90.0 * f64::from(side)));
             }
         }
-        if family == ContainerFamily::Tote {
+        if family == ContainerFamily::Tote && height > 0.05 {
             // Handles under the flange of the short sides.
             let handle = [0.012, 0.12_f64.min(0.6 * floor[1]), 0.02];
             for side in [-1.0, 1.0] {

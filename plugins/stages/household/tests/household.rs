@@ -408,6 +408,22 @@ fn options_set_the_inside_of_containers() {
 }
 
 #[test]
+fn containers_have_all_sizes_that_their_options_allow() {
+    for corner in 0..8 {
+        let pick = |bit: usize, low: f64, high: f64| if corner >> bit & 1 == 1 { high } else { low };
+        let (height, wall, rim) = (pick(0, 0.01, 2.0), pick(1, 0.001, 0.05), pick(2, 0.0, 0.2));
+        let options = format!(
+            "variants_per_family = 1\nheight_m = {height}\nwall_m = {wall}\nrim_m = {rim}\nribs = 2\ndraft_deg = 45\nlength_m = 0.05\nwidth_m = 3"
+        );
+        for object in all("procedural_containers", &options) {
+            let [area] = &object.support_areas[..] else { panic!("one area") };
+            assert_eq!(area.walls.expect("walls").height_m, height, "{}: {options}", object.name);
+            assert!(object.mesh.signed_volume() > 0.0);
+        }
+    }
+}
+
+#[test]
 fn a_variant_depends_on_seed_family_and_number_alone() {
     let names = ["mug_0001", "box_0000", "wrench_0002", "hammer_0001"];
     let whole = source("household", "");

@@ -58,6 +58,16 @@ impl BodyInfo {
         let zone = &self.place.as_ref()?.zone;
         zone.full_at_m.is_some().then_some(&*zone.support.name)
     }
+
+    /// Mean height of the pile at which the support is full for the body, meters above its surface.
+    fn full_at_m(&self) -> f64 {
+        self.place.as_ref().and_then(|place| place.zone.full_at_m).unwrap_or(f64::INFINITY)
+    }
+
+    /// Whether the body starts where it is to rest.
+    fn starts_at_rest(&self) -> bool {
+        self.place.as_ref().is_some_and(|place| place.zone.starts_at_rest)
+    }
 }
 
 /// The outcome: the figures of the report, and the bodies that were removed, by index.
@@ -163,7 +173,7 @@ impl<'a> Acceptance<'a> {
         let mut queues: Vec<(Option<&'a str>, VecDeque<usize>)> = Vec::new();
         for body in self.engine.present() {
             let filled = self.infos[body].filled();
-            if filled.is_none() && self.config.pour_interval_s.is_none() {
+            if self.infos[body].starts_at_rest() || (filled.is_none() && self.config.pour_interval_s.is_none()) {
                 continue;
             }
             match queues.iter_mut().find(|(support, _)| *support == filled) {
@@ -174,11 +184,19 @@ impl<'a> Acceptance<'a> {
         queues.iter().flat_map(|(_, queue)| queue).for_each(|&body| self.engine.take(body));
         let mut off = Vec::new();
         while queues.iter().any(|(_, queue)| !queue.is_empty()) {
-            for (support, queue) in &mut queues {
-                if support.is_some() && queue.front().is_some_and(|&body| self.is_full_for(body)) {
-                    self.spare.extend(queue.drain(..));
+            'queues: for (support, queue) in &mut queues {
+                let Some(mut body) = queue.pop_front() else { continue };
+                if let Some(support) = support {
+                    let level = self.level(support, body);
+                    // Steps with other levels can follow in the queue.
+                    while self.infos[body].full_at_m() <= level || !self.fits(body) {
+                        self.spare.push(body);
+                        match queue.pop_front() {
+                            Some(next) => body = next,
+                            None => continue 'queues,
+                        }
+                    }
                 }
-                let Some(body) = queue.pop_front() else { continue };
                 let pose = self.lifted(body, self.infos[body].start);
                 self.engine.put(body, &pose);
             }
@@ -187,11 +205,23 @@ impl<'a> Acceptance<'a> {
         off
     }
 
-    /// Whether the pile on the support of a body has reached the body's level.
-    fn is_full_for(&self, body: usize) -> bool {
-        let Some(AcceptanceRegion { zone, .. }) = &self.infos[body].place else { return false };
-        let there = self.engine.present().filter(|&other| self.infos[other].filled() == self.infos[body].filled());
-        zone.full_at_m.is_some_and(|level| self.engine.mean_height(there, &zone.area) >= level)
+    /// Mean height of the pile on a support, over the area that a body is dropped on, meters.
+    fn level(&self, support: &str, body: usize) -> f64 {
+        let there = self.engine.present().filter(|&other| self.infos[other].filled() == Some(support));
+        let place = self.infos[body].place.as_ref();
+        place.map_or(0.0, |place| self.engine.mean_height(there, &place.zone.area))
+    }
+
+    /// Whether a body that starts above the pile is below the end of the space, such as the next shelf board.
+    fn fits(&self, body: usize) -> bool {
+        let pose = self.lifted(body, self.infos[body].start);
+        self.engine.bounds_at(body, &pose).max.z <= self.space_end(body)
+    }
+
+    /// Height at which the space of a body ends, meters.
+    fn space_end(&self, body: usize) -> f64 {
+        let place = self.infos[body].place.as_ref();
+        place.and_then(|place| place.zone.support.top()).unwrap_or(f64::INFINITY)
     }
 
     /// Simulates for some time, or until all bodies sleep. Returns the objects that fell off their supports meanwhile.
@@ -350,7 +380,15 @@ impl<'a> Acceptance<'a> {
         let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), stream.uniform(0.0, std::f64::consts::TAU));
         let rotated = Pose::from_parts(Translation3::identity(), yaw * self.infos[body].start.rotation);
         let bounds = self.engine.bounds_at(body, &rotated);
-        let (size, center, area) = (bounds.size(), bounds.center(), self.respawn_area(body));
+        let area = self.respawn_area(body);
+        let (size, center) = if area.yaw() == 0.0 {
+            (bounds.size(), bounds.center())
+        } else {
+            // Extents along the edges of the area.
+            let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), area.yaw());
+            let along = self.engine.bounds_at(body, &(turn.inverse() * rotated));
+            (along.size(), turn * along.center())
+        };
         let mut along = |axis: usize| stream.uniform(-0.5, 0.5) * (area.edges()[axis] - size[axis]).max(0.0);
         let place = area.point([along(0), along(1)]);
         let shift = Translation3::new(place.x - center.x, place.y - center.y, area.height() - bounds.min.z);
@@ -361,8 +399,7 @@ impl<'a> Acceptance<'a> {
     fn lifted(&self, body: usize, pose: Pose) -> Pose {
         let bounds = self.engine.bounds_at(body, &pose);
         // A shelf board above ends the space, with the bodies on it.
-        let place = self.infos[body].place.as_ref();
-        let end = place.and_then(|place| place.zone.support.top()).unwrap_or(f64::INFINITY);
+        let end = self.space_end(body);
         let below = self.engine.present().map(|other| self.engine.bounds(other)).filter(|other| {
             (0..2).all(|axis| other.min[axis] < bounds.max[axis] && other.max[axis] > bounds.min[axis])
                 && other.min.z < end

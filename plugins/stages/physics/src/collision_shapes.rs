@@ -15,8 +15,9 @@ use syntable_model::scene::Body;
 ///
 /// `collision_shapes` has an entry per body, by `id`. `is_dynamic` states whether the settler moved it. `world_from_body` is its pose
 /// at rest. `mass_kg`, `center_of_mass_body_m`, `inertia_body_kg_m2` about the center of mass, and `friction` are the values of the
-/// simulation. `parts_body_m` lists the corners of each convex part in the body's frame. A wall or floor has `half_spaces_world` instead, each
-/// with a `point_m` on its surface and the outward `normal`.
+/// simulation, and `restitution` if a body has its own. `parts_body_m` lists the corners of each convex part in the body's frame. A wall or floor
+/// has `half_spaces_world` instead, each with a `point_m` on its surface and the outward `normal`. The last entry, with the id 0, is the ground
+/// below z = 0. A room of one mesh has no parts, and causes a warning.
 ///
 /// The parts of the static bodies that carry objects are thicker than their meshes where a board is thin, as in the simulation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -27,12 +28,15 @@ pub struct CollisionShapes {
     /// Maximum distance of convex parts from the mesh in its hollows, meters. Should equal the option of `settle`.
     #[schemars(range(min = 0.001, max = 1.0))]
     max_deviation_m: f64,
+    /// Maximum number of convex parts per object. Should equal the option of `settle`.
+    #[schemars(range(min = 1, max = 256))]
+    max_parts: u32,
 }
 
 impl Default for CollisionShapes {
     fn default() -> Self {
-        let Rapier { collision, max_deviation_m, .. } = Rapier::default();
-        Self { collision, max_deviation_m }
+        let Rapier { collision, max_deviation_m, max_parts, .. } = Rapier::default();
+        Self { collision, max_deviation_m, max_parts }
     }
 }
 
@@ -41,8 +45,9 @@ impl Config for CollisionShapes {
     const KIND: &'static str = "collision_shapes";
     const EXAMPLE: &'static str = "";
     fn build(self) -> Result<Box<dyn SceneAnnotator>, ConfigError> {
-        let Self { collision, max_deviation_m } = self;
-        Ok(Box::new(Shapes(HullCache::new(&Rapier { collision, max_deviation_m, ..Rapier::default() }))))
+        let Self { collision, max_deviation_m, max_parts } = self;
+        let options = Rapier { collision, max_deviation_m, max_parts, ..Rapier::default() };
+        Ok(Box::new(Shapes(HullCache::new(&options))))
     }
 }
 
@@ -62,8 +67,16 @@ impl SceneAnnotator for Shapes {
 
     fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
         let solids = solids(cx, cx.scene, &self.0);
-        let entries = cx.scene.bodies().iter().zip(&solids).map(|(body, solid)| Value::of(&Entry::new(body, solid)));
-        products.put(COLLISION_SHAPES, Value::List(entries.collect::<Result<_>>()?))
+        let entry = |solid: &Solid| {
+            let body = cx.scene.body(solid.id);
+            if let Some(body) = body.filter(|_| solid.parts.iter().any(|part| part.shape.as_trimesh().is_some())) {
+                let message = "its collision shape is a mesh, which `collision_shapes` does not list";
+                cx.log.warn(&Error::new(message).context(body.asset.to_string()));
+            }
+            Value::of(&Entry::new(body, solid))
+        };
+        let entries = solids.iter().map(entry).collect::<Result<_>>()?;
+        products.put(COLLISION_SHAPES, Value::List(entries))
     }
 }
 
@@ -77,6 +90,8 @@ struct Entry {
     center_of_mass_body_m: [f64; 3],
     inertia_body_kg_m2: [[f64; 3]; 3],
     friction: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    restitution: Option<f64>,
     parts_body_m: Vec<Vec<[f64; 3]>>,
     half_spaces_world: Vec<HalfSpaceEntry>,
 }
@@ -89,17 +104,20 @@ struct HalfSpaceEntry {
 }
 
 impl Entry {
-    fn new(body: &Body, solid: &Solid) -> Self {
-        let inertia = body.mass.inertia();
-        let body_from_world = body.world_from_body.inverse();
+    /// The entry of a body, or of the ground.
+    fn new(body: Option<&Body>, solid: &Solid) -> Self {
+        let inertia = body.map(|body| body.mass.inertia()).unwrap_or_default();
+        let world_from_body = body.map_or_else(Pose::identity, |body| body.world_from_body);
+        let body_from_world = world_from_body.inverse();
         Self {
-            id: body.id.0,
+            id: solid.id.0,
             is_dynamic: solid.is_dynamic,
-            world_from_body: rows(&body.world_from_body),
-            mass_kg: body.mass.kg,
-            center_of_mass_body_m: body.mass.center.into(),
+            world_from_body: rows(&world_from_body),
+            mass_kg: body.map_or(0.0, |body| body.mass.kg),
+            center_of_mass_body_m: body.map_or([0.0; 3], |body| body.mass.center.into()),
             inertia_body_kg_m2: std::array::from_fn(|row| std::array::from_fn(|column| inertia[(row, column)])),
             friction: solid.friction,
+            restitution: body.and_then(|body| body.restitution),
             parts_body_m: solid.parts.iter().filter_map(|part| corners(part, &body_from_world)).collect(),
             half_spaces_world: solid.parts.iter().filter_map(HalfSpaceEntry::of).collect(),
         }

@@ -49,6 +49,9 @@ fn speculative(step_s: f64) -> f32 {
     units::length(SPECULATIVE_M.max(FALLING_M_S * step_s))
 }
 
+/// A body that started less than this ago may be slow in the air, seconds.
+const START_S: f64 = 0.08;
+
 /// Points along each edge of a region at which the height of a pile is measured.
 const LEVEL_POINTS: usize = 16;
 
@@ -67,6 +70,8 @@ pub struct DynamicBody {
     friction: f32,
     restitution: Option<f32>,
     rigid: Option<RigidBodyHandle>,
+    /// Number of the step at which the body was last put into the world.
+    put_at: usize,
 }
 
 /// Two penetrating bodies: a dynamic one, and another dynamic or a static one.
@@ -90,6 +95,8 @@ pub struct Engine {
     angular_damping: f32,
     /// Gravity times the coefficient of rolling resistance, m/s².
     rolling_m_s2: f64,
+    /// Number of steps so far.
+    steps: usize,
 }
 
 impl Engine {
@@ -128,6 +135,7 @@ impl Engine {
             restitution: config.restitution as f32,
             angular_damping: config.angular_damping_per_s as f32,
             rolling_m_s2: config.rolling_resistance * config.gravity_m_s2,
+            steps: 0,
         }
     }
 
@@ -149,6 +157,7 @@ impl Engine {
             friction: friction(body.friction),
             restitution: body.restitution.map(|restitution| restitution as f32),
             rigid: None,
+            put_at: 0,
         });
         self.put(self.bodies.len() - 1, &body.world_from_body);
     }
@@ -179,6 +188,7 @@ impl Engine {
             self.world.insert_collider(collider, Some(rigid));
         }
         self.bodies[index].rigid = Some(rigid);
+        self.bodies[index].put_at = self.steps;
     }
 
     /// Takes a body out of the world. Bodies that it touched wake up.
@@ -196,6 +206,7 @@ impl Engine {
     /// Simulates one step.
     fn step(&mut self) {
         self.world.step();
+        self.steps += 1;
         let slow = units::length(ROLLING_M_S);
         for body in &self.bodies {
             let Some(handle) = body.rigid else { continue };
@@ -276,9 +287,10 @@ impl Engine {
     }
 
     /// Mean height of bodies above a region, meters: of the highest point of any of them over each point of a grid, 0 without a body.
-    /// Bodies that fall do not count.
+    /// Bodies that fall, or have just started, do not count.
     pub fn mean_height(&self, bodies: impl Iterator<Item = usize>, region: &Region) -> f64 {
-        let resting = bodies.filter(|&body| self.speeds(body).0 < ROLLING_M_S);
+        let is_new = |body: usize| ((self.steps - self.bodies[body].put_at) as f64) * self.step_s < START_S;
+        let resting = bodies.filter(|&body| self.speeds(body).0 < ROLLING_M_S && !is_new(body));
         let resting: Vec<_> = resting.map(|body| (body, self.engine_pose(body), self.bounds(body))).collect();
         let highest = resting.iter().map(|(.., bounds)| bounds.max.z).fold(region.height(), f64::max) + 0.01;
         let at = |i: usize, edge: usize| ((i as f64 + 0.5) / LEVEL_POINTS as f64 - 0.5) * region.edges()[edge];

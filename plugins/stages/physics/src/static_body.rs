@@ -144,7 +144,15 @@ pub fn support<Id>(
 ) -> Vec<StaticBody> {
     let friction = friction(body.friction);
     let pose = units::pose(&body.world_from_body);
-    let slabs: Vec<Slab> = supports.iter().filter_map(|support| slab(body, support, supports)).collect();
+    // Two areas at one height, such as two bins, are one slab of each body.
+    let mut heights: Vec<f64> = Vec::new();
+    let is_new = |height: f64, heights: &mut Vec<f64>| {
+        let is_new = heights.iter().all(|other| (other - height).abs() > TOP_TOLERANCE_M);
+        heights.push(height);
+        is_new
+    };
+    let slabs = supports.iter().filter(|support| is_new(support.height(), &mut heights));
+    let slabs: Vec<Slab> = slabs.filter_map(|support| slab(body, support, supports)).collect();
     let mut parts: Vec<SharedShape> = shape.parts.clone();
     if slabs.is_empty() {
         parts = parts.into_iter().map(|part| backed(&part, &pose, surface).unwrap_or(part)).collect();
@@ -213,7 +221,14 @@ fn slab<Id>(body: &Body<Id>, support: &Support, supports: &Supports) -> Option<S
     if outline.len() < 3 || covered_area < MIN_COVERAGE * outline_area(&outline) {
         return None;
     }
-    let spaces = supports.iter().filter_map(Support::top).filter(|space| *space < support.height());
+    let bounds = body.world_bounds();
+    let overlaps = |other: &&Support| {
+        let ([w, l], center) = (other.surface.size(), other.center());
+        [(w, 0), (l, 1)].into_iter().all(|(size, axis)| {
+            bounds.min[axis] < center[axis] + size / 2.0 && center[axis] - size / 2.0 < bounds.max[axis]
+        })
+    };
+    let spaces = supports.iter().filter(overlaps).filter_map(Support::top).filter(|space| *space < support.height());
     let thickness_m = spaces.map(|space| (support.height() - space) as f32).fold(SLAB_M, f32::min);
     let top = support.height() as f32;
     let points: Vec<[f32; 3]> =

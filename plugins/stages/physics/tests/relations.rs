@@ -322,7 +322,7 @@ fn collision_shapes_are_the_shapes_of_the_simulation() {
     let scene = frozen(scene);
     let found = products_of::<syntable_physics::CollisionShapes>(&scene, "", &["collision_shapes"]);
     let entries = found["collision_shapes"].as_array().expect("a list");
-    assert_eq!(entries.len(), scene.bodies().len());
+    assert_eq!(entries.len(), scene.bodies().len() + 1, "the last one is the ground");
     let body = &scene.objects()[0];
     assert_eq!((&entries[0]["id"], &entries[0]["is_dynamic"]), (&json!(1), &json!(true)));
     assert_eq!(entries[0]["mass_kg"].as_f64(), Some(body.mass.kg));

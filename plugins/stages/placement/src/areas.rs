@@ -128,7 +128,8 @@ impl Grid {
             let before = number.checked_sub(1).map_or(0, |before| cells[before]);
             if count + next.max(before) >= least && *count >= next && *count > before {
                 let within = |z: &f64| bin(*z).abs_diff(number) <= 1;
-                let mut heights: Vec<f64> = self.faces.iter().flatten().map(|face| face.z).filter(within).collect();
+                let level = self.faces.iter().flatten().filter(|face| face.is_level);
+                let mut heights: Vec<f64> = level.map(|face| face.z).filter(within).collect();
                 let middle = heights.len() / 2;
                 levels.push(*heights.select_nth_unstable_by(middle, f64::total_cmp).1);
             }
@@ -166,7 +167,8 @@ impl Grid {
         Some(SupportArea {
             surface: Region::rectangle([center[0], center[1], level], size),
             clear_height_m: Some(clear_height).filter(|height| height.is_finite()),
-            walls: self.walls(level, &columns, &rows),
+            // Below a higher board, the edges beside the area belong to that board.
+            walls: self.walls(level, &columns, &rows).filter(|_| clear_height.is_infinite()),
         })
     }
 

@@ -1,7 +1,7 @@
 //! The surface below a footprint.
 
 use crate::footprint::Footprint;
-use syntable_convex::outline_area;
+use syntable_convex::{convex_outline, outline_area};
 use syntable_model::geometry::{Aabb, Point3, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Region, Role, Support};
@@ -15,8 +15,15 @@ const ABOVE_M: f64 = 0.002;
 /// A face carries objects if the vertical component of its unit normal is at least this.
 const MIN_UP: f64 = 0.7;
 
+/// A footprint is carried if the outline of the faces below it has at least this fraction of its area. The faces may have gaps, as the
+/// slats of a crate have.
+const MIN_OUTLINE: f64 = 0.99;
+
 /// A footprint is carried if faces are below at least this fraction of its area.
-const MIN_COVERAGE: f64 = 0.995;
+const MIN_COVERAGE: f64 = 0.5;
+
+/// Edges of boards are rounded: a footprint may be this far beyond the faces, meters.
+const ROUND_M: f64 = 0.003;
 
 /// Cells along each edge of a support, for the search of faces.
 const CELLS: usize = 32;
@@ -77,6 +84,7 @@ impl Bearing {
     /// Height of the highest carrying face below a footprint, meters. None if a part of the footprint is beyond the edge of the
     /// surface.
     pub fn height(&self, footprint: &Footprint) -> Option<f64> {
+        let footprint = &footprint.inset(ROUND_M);
         let [columns, rows] = self.cells_of(footprint)?;
         let mut numbers: Vec<u32> = Vec::new();
         for row in rows {
@@ -84,16 +92,18 @@ impl Bearing {
         }
         numbers.sort_unstable();
         numbers.dedup();
-        let (mut covered, mut highest) = (0.0, f64::NEG_INFINITY);
+        let (mut covered, mut highest, mut corners) = (0.0, f64::NEG_INFINITY, Vec::new());
         for number in numbers {
             let part = footprint.clip(self.faces[number as usize]);
             if part.len() > 2 {
                 let flat: Vec<[f64; 2]> = part.iter().map(|p| [p.x, p.y]).collect();
                 covered += outline_area(&flat).abs();
+                corners.extend(flat);
                 highest = part.iter().map(|p| p.z).fold(highest, f64::max);
             }
         }
-        (covered >= MIN_COVERAGE * outline_area(&footprint.outline) && highest.is_finite()).then_some(highest)
+        let (whole, carried) = (outline_area(&footprint.outline), outline_area(&convex_outline(corners)));
+        (carried >= MIN_OUTLINE * whole && covered >= MIN_COVERAGE * whole && highest.is_finite()).then_some(highest)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Objects that start in a box above a support.
 
+use crate::bearing::holds;
 use crate::material::MaterialReplacement;
 use crate::objects::{COUNT, DENSITY_KG_M3, FRICTION, ObjectOptions, RESTITUTION};
 use crate::oriented_box::OrientedBox;
@@ -7,7 +8,7 @@ use crate::resting::{RestingPose, RestingShapes};
 use crate::variation::{ColorChange, SCALE, Variation};
 use syntable_model::geometry::{Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{DropZone, Object, Role, Support};
+use syntable_model::scene::{BodyDraft, DropZone, Object, Role, Support};
 
 /// Minimum gap between the bounding boxes of any two bodies, meters.
 const GAP_M: f64 = 0.001;
@@ -82,7 +83,7 @@ pub struct DropBox {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = FRICTION[0], "maximum" = FRICTION[1]))]
     friction: Option<Dist>,
-    /// Coefficient of restitution of each object, 0 to 1. Default: the value of `[settle]`.
+    /// Coefficient of restitution of each object, 0 to 1. Default: the asset's, or else the value of `[settle]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = RESTITUTION[0], "maximum" = RESTITUTION[1]))]
     restitution: Option<Dist>,
@@ -91,7 +92,8 @@ pub struct DropBox {
     #[schemars(extend("minimum" = DENSITY_KG_M3[0], "maximum" = DENSITY_KG_M3[1]))]
     density_kg_m3: Option<Dist>,
     /// Fills the support: objects are poured one after another until their pile has this mean height, as a fraction of the height of
-    /// the walls around the support, or of its clear height. `count` is then the maximum number of objects.
+    /// the walls around the support, or of its clear height. `count` is then the maximum number of objects. It needs a settler that
+    /// pours, and leaves `overlap_free` without effect.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = FILL_LEVEL[0], "maximum" = FILL_LEVEL[1]))]
     fill_level: Option<Dist>,
@@ -173,16 +175,28 @@ impl Placer for DropBox {
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let supports: Vec<Support> = scene.supports.group(self.support.as_ref())?.into_iter().cloned().collect();
         let drawn = self.options().draw(context)?;
+        // The box around a shelf contains the spaces between its boards.
+        let is_shelf = |body: &BodyDraft| {
+            let is_board = |support: &Support| support.clear_height_m.is_some() && holds(&body.world_bounds(), support);
+            body.role == Role::Support && supports.iter().any(is_board)
+        };
         let mut taken: Vec<OrientedBox> = scene
             .bodies()
-            .filter(|(_, body)| body.role != Role::Room)
+            .filter(|(_, body)| body.role != Role::Room && !is_shelf(body))
             .map(|(_, body)| OrientedBox::new(&body.object.mesh.bounds(), &body.world_from_body, GAP_M / 2.0))
             .collect();
-        let mut spaces = Vec::new();
+        let (mut spaces, mut last) = (Vec::new(), None);
         for (number, support) in supports.into_iter().enumerate() {
             let full_at_m = self.full_at(&support, &mut context.stream.child("fill").at(number as u64))?;
             let area = support.surface.scaled(self.width_factor);
-            spaces.push(StartBox::new(self, DropZone { area, support, full_at_m }, scene)?);
+            match StartBox::new(self, DropZone { area, full_at_m, ..DropZone::on(support) }, scene) {
+                Ok(space) => spaces.push(space),
+                Err(error) => last = Some(error),
+            }
+        }
+        // A board that is too low for the box stays empty, if another one is high enough.
+        if let Some(error) = last.filter(|_| spaces.is_empty()) {
+            return Err(error);
         }
         let total: f64 = spaces.iter().map(StartBox::area).sum();
         for k in 0..drawn.count() {
@@ -322,7 +336,7 @@ impl StartBox {
     }
 
     fn area(&self) -> f64 {
-        self.zone.area.edges().iter().product()
+        self.zone.support.surface.edges().iter().product()
     }
 
     fn draw(&self, stream: &mut Stream) -> Point3<f64> {
@@ -331,11 +345,12 @@ impl StartBox {
         Point3::new(at.x, at.y, stream.uniform(self.low, self.high))
     }
 
-    /// Draws a pose of an object with a rotation. Between walls, the whole object is above the area, if it is small enough.
+    /// Draws a pose of an object with a rotation. Between walls or boards, the whole object is above the area and below the end of the
+    /// space, if it is small enough.
     fn pose(&self, object: &Object, rotation: UnitQuaternion<f64>, stream: &mut Stream) -> Pose {
         let at = self.draw(stream);
         let pose = pose_at(object, rotation, at);
-        if self.zone.support.walls.is_none() {
+        if self.zone.support.walls.is_none() && self.zone.support.clear_height_m.is_none() {
             return pose;
         }
         let area = &self.zone.area;
@@ -344,10 +359,14 @@ impl StartBox {
         let inside = [0, 1].map(|edge| {
             let reach = corners.iter().map(|p| (p[edge] - along[edge]).abs()).fold(0.0, f64::max);
             let whole = area.edges()[edge] / 2.0;
-            along[edge] * ((whole - reach).max(0.0) / whole)
+            if whole > 0.0 { along[edge] * ((whole - reach).max(0.0) / whole) } else { 0.0 }
         });
         let to = area.point(inside);
-        pose_at(object, rotation, Point3::new(to.x, to.y, at.z))
+        let half = object.mesh.bounds().corners().map(|p| ((pose * p).z - at.z).abs()).into_iter().fold(0.0, f64::max);
+        // On a board, an object that fits starts below the next one and above this one.
+        let low = self.zone.area.height() + half + GAP_M;
+        let z = at.z.min(self.ceiling - half - GAP_M).max(low.min(at.z));
+        pose_at(object, rotation, Point3::new(to.x, to.y, z))
     }
 }
 

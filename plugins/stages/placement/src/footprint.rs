@@ -35,6 +35,17 @@ impl Footprint {
         Self { outline, low: self.low + z, high: self.high + z }
     }
 
+    /// The footprint made smaller around its center: by some meters on each side at its widest, and by at most half.
+    pub fn inset(&self, meters: f64) -> Self {
+        let count = self.outline.len().max(1) as f64;
+        let center = [0, 1].map(|axis| self.outline.iter().map(|p| p[axis]).sum::<f64>() / count);
+        let reach = |p: &[f64; 2]| libm::hypot(p[0] - center[0], p[1] - center[1]);
+        let farthest = self.outline.iter().map(reach).fold(0.0, f64::max);
+        let factor = if farthest > 0.0 { (1.0 - 1.5 * meters / farthest).max(0.5) } else { 1.0 };
+        let outline = self.outline.iter().map(|p| [0, 1].map(|axis| center[axis] + factor * (p[axis] - center[axis])));
+        Self { outline: outline.collect(), ..*self }
+    }
+
     /// Smallest and largest distance from the center of a region along each of its edges, meters.
     pub fn extent(&self, region: &Region) -> [[f64; 2]; 2] {
         let along = self.outline.iter().map(|p| region.along(&Point3::new(p[0], p[1], region.height())));

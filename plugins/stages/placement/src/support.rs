@@ -13,7 +13,7 @@ use schemars::{Schema, SchemaGenerator};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use syntable_model::digest::Digest;
-use syntable_model::geometry::{UnitQuaternion, Vector3};
+use syntable_model::geometry::{UnitQuaternion, Vector3, space_around};
 use syntable_model::prelude::*;
 use syntable_model::scene::{BodyDraft, Motion, Object, Region, Role, SupportArea};
 
@@ -38,7 +38,8 @@ const GAP_M: f64 = 0.005;
 /// `name/1`, `name/2`, … from the lowest. With a `count` that can exceed 1, bodies are numbered first: `bins/2`, or `shelves/2/3`. A stage whose
 /// option `support` is `name` uses all of them.
 ///
-/// Bodies do not overlap other bodies. On another support, they are within its outline. A scene in which a body finds no place is drawn
+/// Bodies do not overlap other bodies, nor reach through the walls of the room. On another support, they are within its outline, and below
+/// the end of its space. A scene in which a body finds no place is drawn
 /// again.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -153,6 +154,7 @@ impl Placer for Support {
             .filter(|(_, body)| body.role != Role::Room && !carries(body))
             .map(|(_, body)| self.shapes.of(&body.object, context.cache).footprint(&body.world_from_body))
             .collect();
+        let end = below.and_then(syntable_model::scene::Support::top);
         for number in 0..count {
             let stream = context.stream.child("body").at(number as u64);
             let (asset, object) = context.assets.draw_object(&self.from, &mut stream.child("asset"))?;
@@ -173,7 +175,14 @@ impl Placer for Support {
                 if areas.len() > 1 {
                     name += &format!("/{}", index + 1);
                 }
-                scene.supports.add(syntable_model::scene::Support::of_area(name, area, &pose))?;
+                let support = syntable_model::scene::Support::of_area(name, area, &pose);
+                // A bin on a board has the rest of the board's space.
+                let rest = end.map(|end| end - support.height()).into_iter().chain(support.clear_height_m);
+                let clear_height_m = rest.reduce(f64::min);
+                scene.supports.add(match clear_height_m {
+                    Some(height) => support.with_clear_height(height),
+                    None => support,
+                })?;
             }
             scene.add(body);
             taken.push(footprint);
@@ -211,11 +220,11 @@ impl Support {
         stream: &Stream,
         context: &Context,
     ) -> Result<(Pose, Footprint)> {
-        let floor = Region::rectangle([0.0; 3], [f64::INFINITY; 2]);
-        let below = match &self.on {
-            Some(_) => scene.support(self.on.as_ref())?.surface,
-            None => floor,
-        };
+        let on = self.on.as_ref().map(|on| scene.support(Some(on))).transpose()?;
+        let below = on.map_or(Region::rectangle([0.0; 3], [f64::INFINITY; 2]), |on| on.surface);
+        let top = on.and_then(|on| scene.space_top(on)).unwrap_or(f64::INFINITY);
+        let parts = scene.bodies().filter(|(_, body)| body.role == Role::Room).map(|(_, body)| body.world_bounds());
+        let room = space_around(&(below.center() + Vector3::z() * 0.01), parts);
         let shape = self.shapes.of(object, context.cache);
         let (mut yaws, mut positions) = (stream.child("yaw"), stream.child("position"));
         for attempt in 0..self.max_tries {
@@ -237,8 +246,12 @@ impl Support {
             let shift = Vector3::new(at.x - center.x, at.y - center.y, at.z - bounds.min.z);
             let pose = Pose::from_parts(shift.into(), rotation);
             let footprint = shape.footprint(&pose);
-            let is_on = self.on.is_none() || footprint.is_within(&below);
-            if is_on && !taken.iter().any(|other| footprint.is_near(other, GAP_M)) {
+            let is_on = on.is_none() || (footprint.is_within(&below) && footprint.high <= top);
+            let is_inside = footprint
+                .outline
+                .iter()
+                .all(|p| (0..2).all(|axis| (room.min[axis] + GAP_M..=room.max[axis] - GAP_M).contains(&p[axis])));
+            if is_on && is_inside && !taken.iter().any(|other| footprint.is_near(other, GAP_M)) {
                 return Ok((pose, footprint));
             }
         }

@@ -51,6 +51,16 @@ impl<'a> Items<'a> {
         self.end = self.next + (self.drawn.count() - self.next).div_ceil(sites);
     }
 
+    /// Number of the next object, to go back to.
+    pub fn mark(&self) -> usize {
+        self.next
+    }
+
+    /// Goes back, so that objects without a place do not count.
+    pub fn rewind(&mut self, mark: usize) {
+        self.next = mark;
+    }
+
     /// Draws the next object.
     pub fn draw(&mut self) -> Result<DrawnObject> {
         let object = self.drawn.object(self.next)?;
@@ -58,14 +68,13 @@ impl<'a> Items<'a> {
         Ok(object)
     }
 
-    /// A further object of a row: a copy, if the objects of a row are alike. A copy counts once it is [used](Self::count_copy).
+    /// Draws a further object of a row: a copy, if the objects of a row are alike.
     pub fn draw_like(&mut self, first: &DrawnObject) -> Result<DrawnObject> {
-        if self.options.alike { Ok(first.clone()) } else { self.draw() }
-    }
-
-    /// Counts a further object of a row that has a place.
-    pub fn count_copy(&mut self) {
-        self.next += usize::from(self.options.alike);
+        if !self.options.alike {
+            return self.draw();
+        }
+        self.next += 1;
+        Ok(first.clone())
     }
 
     /// Draws the item whose lowest object is given, for a place that turns by `yaw` radians. A stack ends at `max_height` meters.

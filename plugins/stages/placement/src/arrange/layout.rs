@@ -141,11 +141,11 @@ impl Rows {
                 let first = items.draw()?;
                 let (mut front, mut right, mut is_empty) = (-depth / 2.0, left, true);
                 for number in 0..per_row {
-                    let object = match number {
-                        0 => first.clone(),
-                        _ if items.is_done() => break,
-                        _ => items.draw_like(&first)?,
-                    };
+                    if number > 0 && items.is_done() {
+                        break;
+                    }
+                    let before = items.mark();
+                    let object = if number == 0 { first.clone() } else { items.draw_like(&first)? };
                     let place = row.at(number as u64);
                     let gap = options.gap_m.draw(&mut place.child("gap"));
                     let item = items.item(&object, area.yaw(), height, &place)?;
@@ -153,14 +153,14 @@ impl Rows {
                     let [x, y] = origin.extent(&area);
                     let along = [left - x[0], front - y[0]];
                     if front + (y[1] - y[0]) > depth / 2.0 || left + (x[1] - x[0]) > width / 2.0 {
+                        items.rewind(before);
                         break;
-                    }
-                    if number > 0 {
-                        items.count_copy();
                     }
                     // A place that another body blocks stays empty.
                     if place.child("occupied").chance(self.occupied) {
                         is_empty &= !sites.put(items, &item, site, along, 0.0)?;
+                    } else {
+                        items.rewind(before);
                     }
                     (front, right) = (front + (y[1] - y[0]) + gap, right.max(left + (x[1] - x[0])));
                 }

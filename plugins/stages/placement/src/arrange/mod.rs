@@ -28,8 +28,8 @@ const YAW_DEG: [f64; 2] = [-3600.0, 3600.0];
 ///
 /// `pose` decides which side of an object is down. A stable pose is computed from the convex hull and the center of mass of the
 /// object, with its probability: the quasi-static estimate of Goldberg et al. (IEEE Trans. Robotics and Automation 15, 1999). The yaw
-/// is drawn. The lowest point of an object is 1 mm above the surface, so that it comes to rest where it is put. No object is nearer to
-/// another body than `gap_m`, seen from above, and each one is above the surface with its whole outline. An object that finds no place
+/// is drawn. The lowest point of an object is 1 mm above the surface, so that it comes to rest where it is put. Scattered objects are at least `gap_m` from other
+/// bodies, seen from above. In rows, `gap_m` is the distance of the objects in a row. Each one is above the surface with its whole outline. An object that finds no place
 /// is left out, so a scene can have fewer than `count` objects.
 ///
 /// If `support` is the name of several supports, such as the boards of a shelf, `scatter` takes one of them per object, by area. In the
@@ -66,7 +66,7 @@ pub struct Arrange {
     /// Whether the objects of a row and of a stack are copies of one asset, of one size and color.
     #[serde(default = "yes")]
     alike: bool,
-    /// Minimum distance of an object from the others, meters, 0 to 10.
+    /// Distance of an object from the others, meters, 0 to 10.
     #[serde(default = "gap")]
     #[schemars(extend("minimum" = GAP_M[0], "maximum" = GAP_M[1]))]
     gap_m: Dist,
@@ -209,6 +209,12 @@ impl Placer for Arrange {
         let mut sites = Sites::new(self, scene, context)?;
         let mut items = Items::new(self, context)?;
         self.layout.fill(self, &mut sites, &mut items, &context.stream)?;
+        if sites.placed.is_empty() && items.mark() > 0 {
+            let name = self.support.as_ref().map_or("the support".to_owned(), |name| format!("`{}`", name.as_str()));
+            return Err(Error::unlucky(format!("none of {} objects finds a place on {name}", items.mark())).help(
+                "take smaller objects or a larger support, raise `area_factor` or `max_tries`, or lower `gap_m`",
+            ));
+        }
         for (body, zone) in sites.placed {
             scene.drop_body(body, zone);
         }

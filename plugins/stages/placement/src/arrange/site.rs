@@ -52,7 +52,7 @@ impl Sites {
                 area: surface.scaled(options.area_factor),
                 height: end - support.height() - WALL_GAP_M,
                 own: furniture.iter().filter(|(_, bounds)| holds(bounds, support)).map(|(number, _)| *number).collect(),
-                zone: DropZone::on(support.clone()),
+                zone: DropZone { starts_at_rest: true, ..DropZone::on(support.clone()) },
             }
         };
         Ok(Self { sites: supports.into_iter().map(site).collect(), taken, placed: Vec::new() })

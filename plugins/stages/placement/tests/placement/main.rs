@@ -45,6 +45,8 @@ impl TestPools {
             ("slim", entries(&["60x20x90"])),
             ("open", entries(&["open"])),
             ("boards", entries(&["boards"])),
+            ("tub4", entries(&["tub4"])),
+            ("tub10", entries(&["tub10"])),
             ("discs", entries(&["disc"])),
             ("cones", entries(&["cone"])),
             ("materials", entries(&["0", "1", "2", "3", "4", "5", "6", "7"])),
@@ -91,6 +93,8 @@ fn test_mesh(name: &str) -> Result<MeshData> {
             [[0.01, 0.0, 0.01], [0.39, 0.01, 0.15]],
             [[0.01, 0.29, 0.01], [0.39, 0.3, 0.15]],
         ]),
+        "tub4" => tub(0.004),
+        "tub10" => tub(0.01),
         "boards" => boxes(&[0.0, 0.3, 0.6].map(|z| [[0.0, 0.0, z], [0.6, 0.25, z + 0.02]])),
         "disc" => cone([0.5, 0.5], 0.75),
         "cone" => cone([0.04, 0.0], 0.1),
@@ -113,6 +117,24 @@ fn join(mut mesh: MeshData, low: [f32; 3], high: [f32; 3]) -> MeshData {
     let corners = |q: &[u32; 4]| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]].map(|t| t.map(|i| i + first));
     mesh.triangles.extend(quads.iter().flat_map(corners));
     mesh
+}
+
+/// A box of 400 mm by 300 mm by 150 mm, open above, in one closed surface: walls and floor have a thickness.
+fn tub(thick: f32) -> MeshData {
+    let ring = |inset: f32, z: f32| {
+        let [x, y] = [0.2 - inset, 0.15 - inset];
+        [[-x, -y, z], [x, -y, z], [x, y, z], [-x, y, z]]
+    };
+    let rings = [ring(0.0, 0.0), ring(0.0, 0.15), ring(thick, 0.15), ring(thick, thick)];
+    let around = |level: u32| {
+        (0..4).flat_map(move |i| {
+            let [a, b] = [4 * level + i, 4 * level + (i + 1) % 4];
+            [[a, b, b + 4], [a, b + 4, a + 4]]
+        })
+    };
+    let ends = [[0, 2, 1], [0, 3, 2], [12, 13, 14], [12, 14, 15]];
+    let triangles = ends.into_iter().chain((0..3).flat_map(around)).collect();
+    MeshData { positions: rings.concat(), triangles, ..MeshData::default() }
 }
 
 /// A cone or a disc: two circles of 64 corners, at the bottom and at a height.
