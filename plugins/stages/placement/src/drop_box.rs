@@ -194,7 +194,7 @@ impl Placer for DropBox {
                 Err(error) => last = Some(error),
             }
         }
-        // A board that is too low for the box stays empty, if another one is high enough.
+        // A board that is too low for the box stays empty, if a second board is high enough.
         if let Some(error) = last.filter(|_| spaces.is_empty()) {
             return Err(error);
         }

@@ -204,7 +204,7 @@ fn views_of_a_shelf_take_its_boards_in_turn_from_the_front() {
     for seed in 0..400 {
         let view = ViewId(seed as u32 % 4);
         let pose = with_context(seed, |context| sampler.pose(&scene, view, context)).expect("a pose");
-        let board = Point3::new(1.0, 2.0, if view.0 % 2 == 0 { 0.4 } else { 0.8 });
+        let board = Point3::new(1.0, 2.0, if view.0.is_multiple_of(2) { 0.4 } else { 0.8 });
         assert_eq!(sampler.target(&scene, view), Some(board));
         // Against the shelf's own front, which is turned by 30 degrees.
         let from_shelf = turn.inverse() * (pose.translation.vector - board.coords);
