@@ -59,6 +59,8 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
             "syntable-simd" | "syntable-toml-schema" => vec![],
             "syntable-model" => vec!["syntable-toml-schema"],
             "syntable-transport" => vec!["syntable-model", "syntable-prepare", "syntable-simd"],
+            // Stable poses are computed from convex hulls.
+            "syntable-mesh" => vec!["syntable-model", "syntable-convex"],
             name if NEUTRAL.contains(&name) => vec!["syntable-model", "syntable-simd"],
             "syntable-recipe" => vec!["syntable-model", "syntable-toml-schema"],
             "syntable-runtime" => vec!["syntable-model", "syntable-mesh", "syntable-prepare", "syntable-recipe"],

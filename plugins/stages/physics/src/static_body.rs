@@ -211,9 +211,11 @@ fn slab<Id>(body: &Body<Id>, support: &Support, supports: &Supports) -> Option<S
     let mut corners_xy: Vec<[f64; 2]> = Vec::new();
     for triangle in 0..mesh.data().triangles.len() {
         let corners = mesh.corners(triangle).map(|p| body.world_from_body * p);
-        if corners.iter().all(|p| (p.z - support.height()).abs() <= TOP_TOLERANCE_M) {
-            let [a, b, c] = corners;
-            covered_area += (b - a).cross(&(c - a)).z.abs() / 2.0;
+        let [a, b, c] = corners;
+        let area = (b - a).cross(&(c - a)).z / 2.0;
+        // The underside of a wall at this height carries no object.
+        if area > 0.0 && corners.iter().all(|p| (p.z - support.height()).abs() <= TOP_TOLERANCE_M) {
+            covered_area += area;
             corners_xy.extend(corners.map(|p| [p.x, p.y]));
         }
     }

@@ -1,6 +1,6 @@
 //! An item: an object, or a stack of objects, that is put down at one place.
 
-use super::Arrange;
+use super::options::Arrange;
 use crate::footprint::Footprint;
 use crate::objects::{DrawnObject, DrawnObjects};
 use syntable_model::geometry::{UnitQuaternion, Vector3};

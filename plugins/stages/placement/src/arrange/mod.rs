@@ -1,173 +1,17 @@
 //! Objects that are put down on a support: scattered, in rows, on a grid, stacked.
 
+mod fill;
 mod item;
 mod layout;
+mod limits;
+mod options;
 mod site;
 
-use crate::material::MaterialReplacement;
-use crate::objects::{COUNT, DENSITY_KG_M3, FRICTION, ObjectOptions, RESTITUTION};
-use crate::resting::{RestingPose, RestingShapes};
-use crate::variation::{ColorChange, SCALE, Variation};
+pub use options::Arrange;
+
 use item::Items;
-use layout::Layout;
 use site::Sites;
-use std::collections::BTreeMap;
 use syntable_model::prelude::*;
-
-/// Limits of `stack`.
-const STACK: [i64; 2] = [1, 50];
-
-/// Limits of `gap_m`, meters.
-const GAP_M: [f64; 2] = [0.0, 10.0];
-
-/// Limits of `yaw_deg`, degrees.
-const YAW_DEG: [f64; 2] = [-3600.0, 3600.0];
-
-/// Puts objects down on a support: upright or in other poses in which they rest, apart from each other, scattered, in rows or on
-/// a grid, one on each place or a stack of them.
-///
-/// `pose` decides which side of an object is down. A stable pose is computed from the convex hull and the center of mass of the
-/// object, with its probability: the quasi-static estimate of Goldberg et al. (IEEE Trans. Robotics and Automation 15, 1999). The yaw
-/// is drawn. The lowest point of an object is 1 mm above the surface, so that it comes to rest where it is put. Scattered objects are at least `gap_m` from other
-/// bodies, seen from above. In rows, `gap_m` is the distance of the objects in a row. Each one is above the surface with its whole outline. An object that finds no place
-/// is left out, so a scene can have fewer than `count` objects.
-///
-/// If `support` is the name of several supports, such as the boards of a shelf, `scatter` takes one of them per object, by area. In the
-/// other layouts, each gets an equal part of the objects, in order.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Arrange {
-    /// Object pools to draw from.
-    from: ObjectPools,
-    /// Maximum number of objects, drawn per scene; 1 to 10000, or from 0 with `annotated = false`.
-    #[serde(default = "some")]
-    #[schemars(extend("minimum" = COUNT[0], "maximum" = COUNT[1]))]
-    count: IntDist,
-    /// Whether the same asset can occur more than once in a scene.
-    #[serde(default = "yes")]
-    with_replacement: bool,
-    /// Name of the support to put the objects on. If left out, it is the first that a step sets.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    support: Option<SupportName>,
-    /// Where the objects are.
-    #[serde(default)]
-    layout: Layout,
-    /// Which side is down: one pose, or a table of weights, such as `{ upright = 0.7, stable_pose = 0.3 }`.
-    #[serde(default = "upright")]
-    pose: Poses,
-    /// Turn about the vertical, degrees, against the edges of the support. By default any turn when scattered, and 0 otherwise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minimum" = YAW_DEG[0], "maximum" = YAW_DEG[1]))]
-    yaw_deg: Option<Dist>,
-    /// Number of objects on each other at each place, 1 to 50. Only objects that are flat on top carry others.
-    #[serde(default = "one")]
-    #[schemars(extend("minimum" = STACK[0], "maximum" = STACK[1]))]
-    stack: IntDist,
-    /// Whether the objects of a row and of a stack are copies of one asset, of one size and color.
-    #[serde(default = "yes")]
-    alike: bool,
-    /// Distance of an object from the others, meters, 0 to 10.
-    #[serde(default = "gap")]
-    #[schemars(extend("minimum" = GAP_M[0], "maximum" = GAP_M[1]))]
-    gap_m: Dist,
-    /// Ratio of the width and length of the area used to the support's, around its center.
-    #[serde(default = "all")]
-    #[schemars(range(min = 0.01, max = 1.0))]
-    area_factor: f64,
-    /// Maximum number of positions drawn for an object.
-    #[serde(default = "tries")]
-    #[schemars(range(min = 1, max = 100000))]
-    max_tries: u32,
-    /// Factor of each object's size, 0.01 to 100; the mass grows with its cube.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minimum" = SCALE[0], "maximum" = SCALE[1]))]
-    scale: Option<Dist>,
-    /// Changes the colors of some objects.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    color: Option<ColorChange>,
-    /// Replaces the material of some objects, such as `{ from = "materials", probability = 0.2 }`. Shape and mass stay.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    material: Option<MaterialReplacement>,
-    /// Whether the objects are labeled. Otherwise, they are distractors.
-    #[serde(default = "yes")]
-    annotated: bool,
-    /// Whether the objects stay where they are placed, as if they were glued.
-    #[serde(default)]
-    fixed: bool,
-    /// Coulomb friction coefficient of each object, 0 to 10. Default: the asset's.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minimum" = FRICTION[0], "maximum" = FRICTION[1]))]
-    friction: Option<Dist>,
-    /// Coefficient of restitution of each object, 0 to 1. Default: the asset's, or else the value of `[settle]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minimum" = RESTITUTION[0], "maximum" = RESTITUTION[1]))]
-    restitution: Option<Dist>,
-    /// Density of each object, kg/m³, 1 to 30000. Default: the asset's mass.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minimum" = DENSITY_KG_M3[0], "maximum" = DENSITY_KG_M3[1]))]
-    density_kg_m3: Option<Dist>,
-    #[serde(skip)]
-    shapes: RestingShapes,
-}
-
-/// The poses of objects: one, or several by weight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
-enum Poses {
-    /// The same for all objects.
-    One(RestingPose),
-    /// Weights of poses.
-    Weighted(BTreeMap<RestingPose, f64>),
-}
-
-impl Poses {
-    fn check(&self) -> Result<(), ConfigError> {
-        let Self::Weighted(weights) = self else { return Ok(()) };
-        if weights.values().any(|weight| !(0.0..=1e9).contains(weight)) {
-            return Err(ConfigError::new("pose", "a weight is not within 0 and 1e9"));
-        }
-        if weights.values().all(|weight| *weight == 0.0) {
-            return Err(ConfigError::new("pose", "no pose has a weight above 0").help("name one: pose = \"upright\""));
-        }
-        Ok(())
-    }
-
-    fn draw(&self, stream: &mut Stream) -> RestingPose {
-        match self {
-            Self::One(pose) => *pose,
-            Self::Weighted(weights) => {
-                let mut at = stream.uniform(0.0, weights.values().sum());
-                let drawn = weights.iter().filter(|(_, weight)| **weight > 0.0).find(|(_, weight)| {
-                    at -= **weight;
-                    at < 0.0
-                });
-                drawn.or_else(|| weights.last_key_value()).map_or(RestingPose::Upright, |(pose, _)| *pose)
-            }
-        }
-    }
-}
-
-fn some() -> IntDist {
-    IntDist::Integers(5, 20)
-}
-fn one() -> IntDist {
-    IntDist::Constant(1)
-}
-fn yes() -> bool {
-    true
-}
-fn upright() -> Poses {
-    Poses::One(RestingPose::Upright)
-}
-fn gap() -> Dist {
-    Dist::Constant(0.01)
-}
-fn all() -> f64 {
-    1.0
-}
-fn tries() -> u32 {
-    100
-}
 
 impl Config for Arrange {
     type Stage = dyn Placer;
@@ -176,17 +20,7 @@ impl Config for Arrange {
                                    pose = { upright = 0.8, stable_pose = 0.2 }\nyaw_deg = { uniform = [-5, 5] }\nstack = 2";
 
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
-        self.options().check()?;
-        self.layout.check()?;
-        self.pose.check()?;
-        self.stack.within("stack", STACK[0], STACK[1])?;
-        self.gap_m.within("gap_m", GAP_M[0], GAP_M[1])?;
-        self.yaw_deg.as_ref().map_or(Ok(()), |yaw| yaw.within("yaw_deg", YAW_DEG[0], YAW_DEG[1]))?;
-        let has_copies = self.alike && (self.stack.range().1 > 1 || self.layout.has_rows());
-        if has_copies && !self.with_replacement {
-            let message = "copies of an asset in a row or a stack need `with_replacement = true`";
-            return Err(ConfigError::new("alike", message).help("set `alike = false`, or remove `with_replacement`"));
-        }
+        self.check()?;
         Ok(Box::new(self))
     }
 }
@@ -208,7 +42,7 @@ impl Placer for Arrange {
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let mut sites = Sites::new(self, scene, context)?;
         let mut items = Items::new(self, context)?;
-        self.layout.fill(self, &mut sites, &mut items, &context.stream)?;
+        fill::fill(self, &mut sites, &mut items, &context.stream)?;
         if sites.placed.is_empty() && items.mark() > 0 {
             let name = self.support.as_ref().map_or("the support".to_owned(), |name| format!("`{}`", name.as_str()));
             return Err(Error::unlucky(format!("none of {} objects finds a place on {name}", items.mark())).help(
@@ -219,31 +53,5 @@ impl Placer for Arrange {
             scene.drop_body(body, zone);
         }
         Ok(())
-    }
-}
-
-impl Arrange {
-    fn variation(&self) -> Variation<'_> {
-        Variation { scale: self.scale.as_ref(), color: self.color.as_ref(), material: self.material.as_ref() }
-    }
-
-    fn options(&self) -> ObjectOptions<'_> {
-        ObjectOptions {
-            from: &self.from,
-            count: &self.count,
-            with_replacement: self.with_replacement,
-            variation: self.variation(),
-            annotated: self.annotated,
-            fixed: self.fixed,
-            friction: self.friction.as_ref(),
-            restitution: self.restitution.as_ref(),
-            density_kg_m3: self.density_kg_m3.as_ref(),
-        }
-    }
-
-    /// Draws the turn of an object about the vertical, radians.
-    fn yaw(&self, stream: &mut Stream) -> f64 {
-        let default = if self.layout == Layout::Scatter { Dist::Uniform(0.0, 360.0) } else { Dist::Constant(0.0) };
-        self.yaw_deg.as_ref().unwrap_or(&default).draw(stream).to_radians()
     }
 }

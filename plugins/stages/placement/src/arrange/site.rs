@@ -1,7 +1,7 @@
 //! The places that items are put on.
 
-use super::Arrange;
 use super::item::{Item, Items, START_M};
+use super::options::Arrange;
 use crate::bearing::{Bearing, holds};
 use crate::footprint::Footprint;
 use syntable_model::prelude::*;
