@@ -70,6 +70,7 @@ def model_of(shapes):
     """The MuJoCo model of a scene, and the bodies that move, by id."""
     import mujoco
     spec = mujoco.MjSpec()
+    spec.memory = 1 << 29
     spec.option.timestep = 0.002
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC

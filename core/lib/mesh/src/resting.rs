@@ -8,6 +8,9 @@ use syntable_model::scene::Object;
 /// collision shapes.
 const HULL: HullOptions = HullOptions { tolerance: 0.0001, max_vertices: 512, ..HullOptions::METERS };
 
+/// Cosine of the angle between poses beside each other, 15°: facets of one curved side.
+const BESIDE_COS: f64 = 0.966;
+
 /// An object that tips over at a smaller angle does not stand, radians.
 const MIN_TIPPING: f64 = 3.0 * std::f64::consts::PI / 180.0;
 
@@ -39,15 +42,18 @@ impl RestingShape {
         Self { corners: hull.map_or_else(Vec::new, |hull| hull.points), poses }
     }
 
-    /// Direction, body frame, that points up when the object stands. None without a stable pose.
+    /// Direction, body frame, that points up when the object stands: in the stable pose that is nearest to +z, or in a more probable one
+    /// beside it. None without a stable pose.
     pub fn upright(&self) -> Option<[f64; 3]> {
         // Of poses that are equally near, `max_by` gives the last one, so the more probable ones come last.
-        let highest = |min: f64| {
+        let nearest = |min: f64| {
             let poses = self.poses.iter().rev().filter(|pose| pose.tipping >= min);
             poses.max_by(|a, b| a.up[2].total_cmp(&b.up[2]))
         };
-        let found = highest(MIN_TIPPING).or_else(|| highest(f64::NEG_INFINITY));
-        found.map(|pose| pose.up)
+        let nearest = nearest(MIN_TIPPING).or_else(|| nearest(f64::NEG_INFINITY))?;
+        let cosine = |pose: &StablePose| (0..3).map(|axis| pose.up[axis] * nearest.up[axis]).sum::<f64>();
+        let beside = |pose: &&StablePose| pose.tipping >= nearest.tipping.min(MIN_TIPPING) && cosine(pose) > BESIDE_COS;
+        self.poses.iter().find(beside).map(|pose| pose.up)
     }
 
     /// The stable pose at a point in [0, 1) of the cumulative probability.
@@ -123,6 +129,13 @@ mod tests {
         // A pencil does not stand on its end.
         let pencil = shape(vec![pose([1.0, 0.0, 0.0], 0.99, 0.5), pose([0.0, 0.0, 1.0], 0.01, 0.02)]);
         assert_eq!(pencil.upright(), Some([1.0, 0.0, 0.0]));
+        // A lying tube rests on its flat side, not on a facet of the curve beside it.
+        let tube = shape(vec![
+            pose([0.0, 0.0, -1.0], 0.5, 0.3),
+            pose([0.0, 0.17, 0.985], 0.4, 0.3),
+            pose([0.0, 0.0, 1.0], 0.1, 0.1),
+        ]);
+        assert_eq!(tube.upright(), Some([0.0, 0.17, 0.985]));
         let ball = shape(vec![pose([0.0, 0.6, 0.8], 0.6, 0.01), pose([0.0, 0.0, -1.0], 0.4, 0.01)]);
         assert_eq!(ball.upright(), Some([0.0, 0.6, 0.8]));
         assert_eq!(

@@ -20,7 +20,7 @@ use syntable_model::scene::{Support, ViewId};
 #[serde(deny_unknown_fields, default)]
 pub struct HemisphereShell {
     /// Name of the support that the cameras look at. If left out, it is the first that a step of `[[place]]` sets. If it is the name
-    /// of several supports, such as the boards of a shelf, the views of a scene take them in turn.
+    /// of several supports, such as the boards of a shelf, the views of a scene take them in turn, and the first view of each scene takes the next one.
     #[serde(skip_serializing_if = "Option::is_none")]
     support: Option<SupportName>,
     /// Smallest and largest distance from the center of the shell: `{ of_table = [1.0, 1.7] }`, multiples of
@@ -77,7 +77,7 @@ impl HemisphereShell {
     /// The support that a view looks at.
     fn support_of<'s>(&self, scene: &'s Scene, view: ViewId) -> Result<&'s Support> {
         let group = scene.supports.group(self.support.as_ref())?;
-        Ok(group[view.0 as usize % group.len()])
+        Ok(group[(scene.id.0 as usize + view.0 as usize) % group.len()])
     }
 }
 
@@ -101,7 +101,17 @@ impl ViewSampler for HemisphereShell {
     }
 
     fn shell(&self, scene: &Scene) -> Result<Shell> {
-        let support = scene.support(self.support.as_ref())?;
-        Ok(Shell { center: center(support, self.center_offset_m), radius: self.radius.in_meters(support) })
+        let group = scene.supports.group(self.support.as_ref())?;
+        let shell = |support: &&Support| (center(support, self.center_offset_m), self.radius.in_meters(support));
+        let shells: Vec<(Point3<f64>, [f64; 2])> = group.iter().map(shell).collect();
+        if let [(center, radius)] = shells[..] {
+            return Ok(Shell { center, radius });
+        }
+        // One shell around the shells of all supports.
+        let sum: Vector3<f64> = shells.iter().map(|(center, _)| center.coords).sum();
+        let middle = Point3::from(sum / shells.len() as f64);
+        let low = shells.iter().map(|(center, [low, _])| low - (center - middle).norm()).fold(f64::INFINITY, f64::min);
+        let high = shells.iter().map(|(center, [_, high])| high + (center - middle).norm()).fold(0.0, f64::max);
+        Ok(Shell { center: middle, radius: [low.max(0.0), high] })
     }
 }

@@ -211,6 +211,14 @@ fn views_of_a_shelf_take_its_boards_in_turn_from_the_front() {
         let azimuth = from_shelf.y.atan2(from_shelf.x).to_degrees();
         assert!((-120.0 - 1e-9..=-60.0 + 1e-9).contains(&azimuth), "{azimuth}");
     }
+    // The shell of the lights is around the cameras of all boards.
+    let shell = sampler.shell(&scene).expect("a shell");
+    let cameras = (0..400).map(|seed| {
+        let pose = with_context(seed, |context| sampler.pose(&scene, ViewId(seed as u32), context)).expect("a pose");
+        (pose.translation.vector - shell.center.coords).norm()
+    });
+    let [low, high] = cameras.fold([f64::INFINITY, 0.0], |[low, high], r| [low.min(r), high.max(r)]);
+    assert!(shell.radius[0] <= low && high <= shell.radius[1], "{:?}, not {low} to {high}", shell.radius);
     assert!(refused(Slot::Views, "hemisphere_shell", "azimuth_deg = [10, -10]").contains("azimuth_deg"));
 }
 
