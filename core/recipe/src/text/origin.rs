@@ -79,15 +79,19 @@ macro_rules! builtins {
 }
 
 builtins![
+    "bin-picking",
     "ceiling-room",
     "clutter",
     "open-sky",
     "quickstart",
     "real-objects",
     "real-surroundings",
+    "shelf",
     "syntable-sim/release",
     "syntable-sim/train",
     "syntable-sim/val",
+    "table-setting",
+    "tote-to-shelf",
     "window-room",
 ];
 
