@@ -3,6 +3,7 @@
 
     python3 tests/check_physics.py scenes RECIPE... [--scenes 200] [--continue 40] [--set KEY=VALUE]...
     python3 tests/check_physics.py poses FILE...
+    python3 tests/check_physics.py fill [RECIPE] [--scenes 4]
 
 `scenes` makes the scenes of a recipe with labels alone. It prints, over all scenes:
   objects     objects per scene that stay, and the fraction of placed objects that stay
@@ -16,6 +17,10 @@
 `poses` compares the stable poses of meshes, as `syntable check --asset` prints them, with the poses of trimesh. Poses of
 both that are at most 12 degrees apart are one group. It prints the largest difference of the probabilities of a group.
 
+`fill` pours 60 household objects of 0.7 times their size into a tote, on one thread. It prints the processor seconds per
+scene of the program and of PyBullet, which starts the same objects at the same places and times, with the same convex
+parts, masses, friction and time step, and ends when no object is faster than 1 cm/s.
+
 The program is `--program`, by default target/release/syntable.
 """
 
@@ -27,6 +32,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 
 import numpy as np
 
@@ -161,6 +167,101 @@ def check_scenes(options):
               f" {respawned / len(reports):10.2f} {stand} {share}", flush=True)
 
 
+def records_and_seconds(recipe, options):
+    """Settle reports of the scenes of a recipe, and seconds of placing and settling, on one thread."""
+    with tempfile.TemporaryDirectory() as folder:
+        derived, out = pathlib.Path(folder) / "labels.toml", pathlib.Path(folder) / "dataset"
+        derived.write_text(
+            f"extends = {json.dumps(str(pathlib.Path(recipe).resolve()))}\n"
+            'remove = ["write.syntable", "write.contact_sheet"]\n'
+            '[write.scenes]\nkind = "jsonl"\ninclude = ["settle_report"]\nper = "scene"\n')
+        subprocess.run(
+            [options.program, "run", derived, "--out", out, "--set", f"dataset.scenes={options.scenes}", "--views", "1",
+             "--threads", "1"] + sets(options), check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        stages = json.loads((out / ".syntable/times.jsonl").read_text().splitlines()[0])["stages"]
+        reports = [json.loads(line)["settle_report"] for line in (out / "scenes.jsonl").read_text().splitlines()]
+        return reports, stages["settle"]["seconds"]
+
+
+def poured(shapes):
+    """Processor seconds of PyBullet for the bodies of a scene, number of steps, and the deepest penetration, m."""
+    import pybullet
+    from scipy.spatial import ConvexHull
+
+    def shape_of(parts):
+        if len(parts) == 1:
+            return pybullet.createCollisionShape(pybullet.GEOM_MESH, vertices=parts[0].tolist())
+        # Each object of the file becomes a convex part.
+        with tempfile.NamedTemporaryFile("w", suffix=".obj") as file:
+            first = 1
+            for number, points in enumerate(parts):
+                file.write(f"o part{number}\n")
+                file.writelines("v %.7f %.7f %.7f\n" % tuple(point) for point in points)
+                file.writelines("f %d %d %d\n" % tuple(face + first) for face in ConvexHull(points).simplices)
+                first += len(points)
+            file.flush()
+            return pybullet.createCollisionShape(pybullet.GEOM_MESH, fileName=file.name)
+
+    def add(mass, shape, friction, place=(0, 0, 0), turn=(0, 0, 0, 1)):
+        body = pybullet.createMultiBody(mass, shape, basePosition=place, baseOrientation=turn)
+        pybullet.changeDynamics(body, -1, lateralFriction=friction)
+        return body
+
+    def top(x, y):
+        boxes = [pybullet.getAABB(body) for body in bodies]
+        below = [high[2] for low, high in boxes if abs(low[0] + high[0] - 2 * x) < high[0] - low[0] + 0.16
+                 and abs(low[1] + high[1] - 2 * y) < high[1] - low[1] + 0.16]
+        return max(below, default=0.9)
+
+    pybullet.connect(pybullet.DIRECT)
+    pybullet.setGravity(0, 0, -9.81)
+    pybullet.setTimeStep(1 / 240)
+    bodies, steps, start = [], 0, time.process_time()
+    for shape in shapes:
+        pose = np.array(shape["world_from_body"])
+        if not shape["is_dynamic"]:
+            for part in shape["parts_body_m"]:
+                add(0, shape_of([np.array(part) @ pose[:3, :3].T + pose[:3, 3]]), shape["friction"])
+            for half_space in shape["half_spaces_world"]:
+                plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=half_space["normal"])
+                add(0, plane, shape["friction"], half_space["point_m"])
+    for shape in filter(lambda shape: shape["is_dynamic"], shapes):
+        pose, center = np.array(shape["world_from_body"]), np.array(shape["center_of_mass_body_m"])
+        parts = [np.array(part) - center for part in shape["parts_body_m"]]
+        x, y, _ = pose[:3, :3] @ center + pose[:3, 3]
+        w, *turn = quaternion(pose[:3, :3])
+        bodies.append(add(shape["mass_kg"], shape_of(parts), shape["friction"], [x, y, top(x, y) + 0.1], [*turn, w]))
+        for _ in range(24):
+            pybullet.stepSimulation()
+            steps += 1
+    for _ in range(1200):
+        pybullet.stepSimulation()
+        steps += 1
+        if steps % 24 == 0 and max(np.linalg.norm(pybullet.getBaseVelocity(body)[0]) for body in bodies) < 0.01:
+            break
+    seconds = time.process_time() - start
+    deepest = max((-contact[8] for contact in pybullet.getContactPoints()), default=0.0)
+    pybullet.disconnect()
+    return seconds, steps, deepest
+
+
+def check_fill(options):
+    recipe = options.paths[0] if options.paths else pathlib.Path(__file__).parents[1] / "recipes/bin-picking.toml"
+    options.set = [
+        'assets.bins.families=["tote"]', "assets.bins.height_m=0.3", "place.objects.count=60", "place.objects.fill_level=3.0",
+        'assets.objects.families=["apple","ball","banana","block","box","can","cup","jar","mug","sponge","tape","tube"]',
+        "assets.objects.scale=0.7",
+    ] + options.set
+    reports, seconds = records_and_seconds(recipe, options)
+    deepest = max(report["deepest_penetration_m"] for report in reports)
+    print(f"syntable  {seconds / len(reports):6.2f} s per scene of {reports[0]['objects']} objects, "
+          f"deepest penetration {deepest * 1e3:.1f} mm", flush=True)
+    results = [poured(record["collision_shapes"]) for record in records_of(recipe, options, physics=False)]
+    print(f"PyBullet  {sum(result[0] for result in results) / len(results):6.2f} s per scene, "
+          f"{sum(result[1] for result in results) / len(results):.0f} steps, "
+          f"deepest penetration {max(result[2] for result in results) * 1e3:.1f} mm")
+
+
 def clusters(poses, degrees=12.0):
     """Groups of poses (direction, probability, whose) that are connected by steps of at most some degrees."""
     ups = np.array([pose[0] for pose in poses])
@@ -204,15 +305,16 @@ def check_poses(options):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("of", choices=["scenes", "poses"])
-    parser.add_argument("paths", nargs="+", type=pathlib.Path)
-    parser.add_argument("--scenes", type=int, default=200)
+    parser.add_argument("of", choices=["scenes", "poses", "fill"])
+    parser.add_argument("paths", nargs="*", type=pathlib.Path)
+    parser.add_argument("--scenes", type=int, help="200 by default; 4 for `fill`")
     parser.add_argument("--continue", type=int, default=40, dest="continued", help="scenes that MuJoCo continues")
     parser.add_argument("--upright", action="store_true", help="compare with the scenes before physics")
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--program", default="target/release/syntable")
     options = parser.parse_args()
-    {"scenes": check_scenes, "poses": check_poses}[options.of](options)
+    options.scenes = options.scenes or (4 if options.of == "fill" else 200)
+    {"scenes": check_scenes, "poses": check_poses, "fill": check_fill}[options.of](options)
 
 
 if __name__ == "__main__":
