@@ -40,25 +40,29 @@ import numpy as np
 MAX_SHIFT_M, MAX_TURN_DEG = 0.005, 5.0
 # An object that leans more is not upright.
 UPRIGHT_DEG = 10.0
+# The scenes as the placers leave them.
+NO_PHYSICS = ["--set", 'settle={ kind = "none" }']
 
 
 def sets(options):
     return [argument for value in options.set for argument in ("--set", value)]
 
 
-def records_of(recipe, options, physics=True):
-    """Settle reports, bodies and collision shapes of the scenes of a recipe."""
+def records_of(recipe, options, include, *more):
+    """Products of the scenes of a recipe, made with labels alone, and the seconds of each stage."""
     with tempfile.TemporaryDirectory() as folder:
         derived, out = pathlib.Path(folder) / "labels.toml", pathlib.Path(folder) / "dataset"
         plan = subprocess.run([options.program, "plan", recipe] + sets(options), check=True, capture_output=True, text=True)
         writers = sorted(set(re.findall(r"\bwrite\.\w+", plan.stdout)))
         derived.write_text(
             f"extends = {json.dumps(str(pathlib.Path(recipe).resolve()))}\nremove = {json.dumps(writers)}\n"
-            '[write.scenes]\nkind = "jsonl"\ninclude = ["settle_report", "collision_shapes", "bodies"]\nper = "scene"\n')
+            f'[write.scenes]\nkind = "jsonl"\ninclude = {json.dumps(include)}\nper = "scene"\n')
         subprocess.run(
-            [options.program, "run", derived, "--out", out, "--set", f"dataset.scenes={options.scenes}", "--views", "1"]
-            + ([] if physics else ["--set", 'settle={ kind = "none" }']) + sets(options), check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        return [json.loads(line) for line in (out / "scenes.jsonl").read_text().splitlines()]
+            [options.program, "run", derived, "--out", out, "--set", f"dataset.scenes={options.scenes}", "--views", "1",
+             *more] + sets(options), check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        stages = json.loads((out / ".syntable/times.jsonl").read_text().splitlines()[0])["stages"]
+        records = [json.loads(line) for line in (out / "scenes.jsonl").read_text().splitlines()]
+        return records, {name: stage["seconds"] for name, stage in stages.items()}
 
 
 def rotation_angle(matrix):
@@ -149,7 +153,7 @@ def upright(before, after):
 def check_scenes(options):
     print(f"{'':28} {'objects':>8} {'kept':>7} {'penetration':>12} {'speed':>9} {'respawned':>10} {'upright':>8} {'MuJoCo':>8}")
     for recipe in options.paths:
-        records = records_of(recipe, options)
+        records, _ = records_of(recipe, options, ["settle_report", "collision_shapes", "bodies"])
         reports = [record["settle_report"] for record in records]
         kept = sum(report["objects"] for report in reports)
         placed = kept + sum(len(report["removed"]) for report in reports)
@@ -160,27 +164,11 @@ def check_scenes(options):
         all_bodies, still = (sum(count) for count in zip(*counts)) if counts else (0, 0)
         stand = "       -"
         if options.upright:
-            standing, upright_still = upright(records_of(recipe, options, physics=False), records)
+            standing, upright_still = upright(records_of(recipe, options, ["bodies"], *NO_PHYSICS)[0], records)
             stand = f"{upright_still / standing:8.4f}"
         share = f"{still / all_bodies:8.3f}" if all_bodies else "       -"
         print(f"{recipe.stem:28} {kept / len(reports):8.1f} {kept / placed:7.4f} {depth * 1e3:9.2f} mm {speed * 1e3:4.1f} mm/s"
               f" {respawned / len(reports):10.2f} {stand} {share}", flush=True)
-
-
-def records_and_seconds(recipe, options):
-    """Settle reports of the scenes of a recipe, and seconds of placing and settling, on one thread."""
-    with tempfile.TemporaryDirectory() as folder:
-        derived, out = pathlib.Path(folder) / "labels.toml", pathlib.Path(folder) / "dataset"
-        derived.write_text(
-            f"extends = {json.dumps(str(pathlib.Path(recipe).resolve()))}\n"
-            'remove = ["write.syntable", "write.contact_sheet"]\n'
-            '[write.scenes]\nkind = "jsonl"\ninclude = ["settle_report"]\nper = "scene"\n')
-        subprocess.run(
-            [options.program, "run", derived, "--out", out, "--set", f"dataset.scenes={options.scenes}", "--views", "1",
-             "--threads", "1"] + sets(options), check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        stages = json.loads((out / ".syntable/times.jsonl").read_text().splitlines()[0])["stages"]
-        reports = [json.loads(line)["settle_report"] for line in (out / "scenes.jsonl").read_text().splitlines()]
-        return reports, stages["settle"]["seconds"]
 
 
 def poured(shapes):
@@ -252,11 +240,13 @@ def check_fill(options):
         'assets.objects.families=["apple","ball","banana","block","box","can","cup","jar","mug","sponge","tape","tube"]',
         "assets.objects.scale=0.7",
     ] + options.set
-    reports, seconds = records_and_seconds(recipe, options)
+    records, seconds = records_of(recipe, options, ["settle_report"], "--threads", "1")
+    reports = [record["settle_report"] for record in records]
     deepest = max(report["deepest_penetration_m"] for report in reports)
-    print(f"syntable  {seconds / len(reports):6.2f} s per scene of {reports[0]['objects']} objects, "
+    print(f"syntable  {seconds['settle'] / len(reports):6.2f} s per scene of {reports[0]['objects']} objects, "
           f"deepest penetration {deepest * 1e3:.1f} mm", flush=True)
-    results = [poured(record["collision_shapes"]) for record in records_of(recipe, options, physics=False)]
+    starts, _ = records_of(recipe, options, ["collision_shapes"], *NO_PHYSICS)
+    results = [poured(record["collision_shapes"]) for record in starts]
     print(f"PyBullet  {sum(result[0] for result in results) / len(results):6.2f} s per scene, "
           f"{sum(result[1] for result in results) / len(results):.0f} steps, "
           f"deepest penetration {max(result[2] for result in results) * 1e3:.1f} mm")
@@ -312,7 +302,7 @@ def main():
     parser.add_argument("--upright", action="store_true", help="compare with the scenes before physics")
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--program", default="target/release/syntable")
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     options.scenes = options.scenes or (4 if options.of == "fill" else 200)
     {"scenes": check_scenes, "poses": check_poses, "fill": check_fill}[options.of](options)
 
