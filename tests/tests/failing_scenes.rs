@@ -8,7 +8,7 @@ use support::{SMALL, root};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::VISIBLE_MASK;
 use syntable_model::registry::Registry;
-use syntable_model::scene::{AssetRef, Removal, Role, SceneId, SettleReport};
+use syntable_model::scene::{AssetRef, Removal, Role, SettleReport};
 use syntable_program as _;
 use syntable_recipe::{Overrides, Source};
 use syntable_runtime::cache::DiskCache;
@@ -212,7 +212,7 @@ fn what_left_the_table_is_counted_by_reason() {
         let removed =
             (0..).zip(reasons).map(|(spawn, reason)| Removal { spawn, asset: asset(), reason: (*reason).to_owned() });
         let report = SettleReport { removed: removed.collect(), ..SettleReport::default() };
-        scene.freeze(SceneId(0), 0, report).expect_err("no object").to_string()
+        scene.freeze(report).expect_err("no object").to_string()
     };
     let fell = "fell off the table";
     let text =

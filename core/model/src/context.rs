@@ -306,8 +306,7 @@ impl dyn Assets + '_ {
                 Err(error) => last = Some(error),
             }
         }
-        let names: Vec<&str> = pools.groups().into_iter().flat_map(|(_, names)| names).collect();
-        let names = names.join("`, `");
+        let names = pools.names().join("`, `");
         Err(match last {
             Some(error) => error.context(format!("no asset of `{names}` can be used; the last one")),
             None => Error::new(format!("no asset in `{names}`")).help("check its root folder and its selection"),

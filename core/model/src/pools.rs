@@ -71,6 +71,11 @@ impl<P: PoolName> Pools<P> {
         probabilities
     }
 
+    /// Names of the pools.
+    pub fn names(&self) -> Vec<&str> {
+        self.groups().into_iter().flat_map(|(_, names)| names).collect()
+    }
+
     /// Names of the pools that are drawn from together, in groups, each with its weight. A group is drawn in proportion
     /// to its weight, then an entry uniformly over all entries of its pools. Without weights, all pools form one group.
     pub(crate) fn groups(&self) -> Vec<(f64, Vec<&str>)> {

@@ -228,7 +228,7 @@ impl SampleMaker<'_> {
         let attempt = Attempt::new(tools, dataset, (scene, number));
         let mut builder = attempt.place()?;
         let report = attempt.settle(&mut builder)?;
-        let frozen = Arc::new(builder.freeze(attempt.scene, number, report)?);
+        let frozen = Arc::new(builder.freeze(report)?);
         let losses = Arc::new(Losses::default());
         let start =
             |_: &SceneContext| Ok(SampleSink { scene: Arc::clone(&frozen), names: names.clone(), all: Vec::new() });

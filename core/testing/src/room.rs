@@ -8,8 +8,8 @@ use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vecto
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Color, Encoding, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material,
-    MaterialOverride, Mesh, MeshData, Moment, Motion, NormalMap, Object, RectLight, Region, Role, Scalar, SceneId,
-    SettleReport, SourceModel, SphereLight, Support, Texture, TextureMapping, Transmission, ViewId, Volume, Wrap,
+    MaterialOverride, Mesh, MeshData, Moment, Motion, NormalMap, Object, RectLight, Region, Role, Scalar, SettleReport,
+    SourceModel, SphereLight, Support, Texture, TextureMapping, Transmission, ViewId, Volume, Wrap,
 };
 
 /// A view of the table from above one corner, with a focal length of 600 px. The image is 640 × 480 px or a central
@@ -136,7 +136,7 @@ pub fn scene_of(look: Look) -> Arc<Scene> {
     ] {
         add(&slab(name, half), place(center[0], center[1], center[2]), Role::Room, boxed(material));
     }
-    Arc::new(builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound"))
+    Arc::new(builder.freeze(SettleReport::default()).expect("sound"))
 }
 
 fn object(name: &str, data: MeshData, material: Material) -> Arc<Object> {

@@ -5,8 +5,8 @@ use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Point3, Pose, Vector3, look_at};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material, Mesh, MeshData,
-    Moment, Motion, Object, Region, Role, Scene, SceneBuilder, SceneId, SettleReport, SourceModel, SphereLight,
-    Support, View, ViewId,
+    Moment, Motion, Object, Region, Role, Scene, SceneBuilder, SettleReport, SourceModel, SphereLight, Support, View,
+    ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 
@@ -79,7 +79,7 @@ pub fn boxes(boxes: &[([f64; 3], [f32; 3])]) -> Scene {
         let shade = 0.3 + 0.4 * (i as f32 / boxes.len() as f32);
         builder.add(body(object(&format!("box_{i}"), box_mesh(size), [shade, 0.5, 0.5]), at, Role::Object));
     }
-    builder.freeze(SceneId(0), 0, SettleReport::default()).expect("a scene of boxes is sound")
+    builder.freeze(SettleReport::default()).expect("a scene of boxes is sound")
 }
 
 /// A view from `eye` towards `target`: square pixels, principal point in the center, the given horizontal field of

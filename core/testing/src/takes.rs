@@ -137,7 +137,7 @@ fn scene(id: u32, objects: usize) -> Scene {
         license: "CC0-1.0".into(),
         digest: Digest::of(b"tetra"),
     });
-    let mut builder = SceneBuilder::default();
+    let mut builder = SceneBuilder::new(SceneId(id), 0);
     builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.7], [1.0, 0.8])).into();
     let mut handles = Vec::new();
     for (i, role) in [Role::Support].into_iter().chain(vec![Role::Object; objects + 1]).enumerate() {
@@ -147,7 +147,7 @@ fn scene(id: u32, objects: usize) -> Scene {
     }
     // Removes an object, so that spawn numbers and ids differ.
     builder.remove(handles[1]);
-    builder.freeze(SceneId(id), 0, SettleReport::default()).expect("a scene")
+    builder.freeze(SettleReport::default()).expect("a scene")
 }
 
 fn view(number: u32) -> View {

@@ -10,8 +10,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{RADIANCE, RADIANCE_VARIANCE};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Moment, Motion, Region, Role, SceneId, SettleReport, Support,
-    ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Moment, Motion, Region, Role, SettleReport, Support, ViewId,
 };
 use syntable_testing::workers::Threads;
 
@@ -149,7 +148,7 @@ fn render(folder: &Path, samples: u32) -> (Vec<f64>, Vec<f64>) {
     builder.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0; 2])).into();
     let asset = AssetRef { pool: "files".into(), name: "000000".into() };
     builder.add(BodyDraft::new(asset, object, Pose::identity(), Role::Object, Motion::Fixed));
-    let scene = Arc::new(builder.freeze(SceneId(0), 0, SettleReport::default()).expect("a scene"));
+    let scene = Arc::new(builder.freeze(SettleReport::default()).expect("a scene"));
     let Stage::Render(renderer) = stage(Slot::Render, "cpu_path", &format!("samples_per_pixel = {samples}")) else {
         panic!("a renderer")
     };

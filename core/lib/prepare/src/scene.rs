@@ -357,7 +357,7 @@ mod tests {
     use syntable_model::geometry::{Translation3, UnitQuaternion, Vector3};
     use syntable_model::scene::{
         AssetRef, BodyDraft, Color, MassOrigin, MassProperties, Mesh, MeshData, Motion, Object, Region, Role,
-        SceneBuilder, SceneId, SettleReport, SourceModel, Support,
+        SceneBuilder, SettleReport, SourceModel, Support,
     };
 
     /// A triangle with legs of 1 m along x and y.
@@ -401,7 +401,7 @@ mod tests {
             let pose = Pose::from_parts(Translation3::new(x, 0.0, 3.0), quarter);
             builder.add(BodyDraft::new(asset, object.clone(), pose, role, Motion::Fixed));
         }
-        let scene = builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound");
+        let scene = builder.freeze(SettleReport::default()).expect("sound");
         let prepared = PreparedScene::new(&scene, &SceneCache::default(), &Serial);
         assert_eq!((prepared.meshes.len(), prepared.bodies.len()), (2, 3));
         assert_eq!(prepared.bodies.iter().map(|body| body.mesh).collect::<Vec<_>>(), [0, 1, 0]);

@@ -128,6 +128,11 @@ impl StatedCamera {
         self.camera.unproject(u, v)
     }
 
+    /// The camera. Its pose is the identity if the dataset does not state it.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
     /// Pose of the camera in the world, meters.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! Bodies: assets placed in a scene.
 
 use super::{
-    AssetRef, MassProperties, Material, MaterialOverride, Moment, Object, Recolor, TextureMapping, Trajectory,
+    AssetRef, Finish, MassProperties, Material, MaterialOverride, Moment, Object, Recolor, TextureMapping, Trajectory,
     UvTransform,
 };
 use crate::geometry::{Aabb, Pose};
@@ -82,6 +82,8 @@ pub struct Body<Id = InstanceId> {
     pub material_override: Option<MaterialOverride>,
     /// Changes the base colors of its materials, if set.
     pub recolor: Option<Recolor>,
+    /// Changes how its materials reflect light, if set.
+    pub finish: Option<Finish>,
     /// Mass in the simulation: the mass of the object, unless the settler assigns another.
     pub mass: MassProperties,
     /// Coulomb friction coefficient: the coefficient of the object, unless the placer sets another.
@@ -112,6 +114,7 @@ impl BodyDraft {
             motion,
             material_override: None,
             recolor: None,
+            finish: None,
             mass,
             friction,
             restitution,
@@ -130,6 +133,11 @@ impl BodyDraft {
         Self { recolor, ..self }
     }
 
+    /// The same body with another finish.
+    pub fn with_finish(self, finish: Option<Finish>) -> Self {
+        Self { finish, ..self }
+    }
+
     /// The same body, moved by a script.
     pub fn scripted(self, trajectory: Trajectory) -> Self {
         let world_from_body = trajectory.at(Moment::START);
@@ -146,6 +154,7 @@ impl BodyDraft {
             motion,
             material_override,
             recolor,
+            finish,
             mass,
             friction,
             restitution,
@@ -161,6 +170,7 @@ impl BodyDraft {
             motion,
             material_override,
             recolor,
+            finish,
             mass,
             friction,
             restitution,
@@ -172,15 +182,21 @@ impl BodyDraft {
 
 impl<Id> Body<Id> {
     /// The materials that the body shows, by slot of its mesh: its own ones or the one that replaces them, with the changed
-    /// colors. Faces of higher slots have the last material. Empty if the object has no materials.
+    /// colors and finish. Faces of higher slots have the last material. Empty if the object has no materials.
     pub fn materials(&self) -> Vec<Arc<Material>> {
-        let materials = self.own_materials().to_vec();
-        let Some(recolor) = &self.recolor else { return materials };
-        let (matrix, has_vertex_colors) = (recolor.matrix(), !self.object.mesh.data().colors.is_empty());
-        materials.into_iter().map(|material| material.recolored(matrix, has_vertex_colors)).collect()
+        let mut materials = self.own_materials().to_vec();
+        if let Some(finish) = &self.finish {
+            materials = materials.into_iter().map(|material| material.finished(finish)).collect();
+        }
+        if let Some(recolor) = &self.recolor {
+            let (matrix, has_vertex_colors) = (recolor.matrix(), !self.object.mesh.data().colors.is_empty());
+            let recolored = |material: Arc<Material>| material.recolored(matrix, has_vertex_colors);
+            materials = materials.into_iter().map(recolored).collect();
+        }
+        materials
     }
 
-    /// The [`materials`](Self::materials) without the changed colors. Emission is the same in both.
+    /// The [`materials`](Self::materials) without the changed colors and finish. Emission is the same in both.
     pub fn own_materials(&self) -> &[Arc<Material>] {
         match &self.material_override {
             Some(surface) => std::slice::from_ref(&surface.material),

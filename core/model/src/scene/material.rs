@@ -2,7 +2,7 @@
 //!
 //! Every quantity is a constant factor times an optional texture, as in glTF.
 
-use super::{ColorMatrix, Texture, TextureRef, UvTransform};
+use super::{ColorMatrix, Finish, Texture, TextureRef, UvTransform};
 use crate::digest::{Digest, Hasher};
 use std::sync::Arc;
 
@@ -204,6 +204,22 @@ impl Material {
         } else {
             let unit = |x: f32| if x > 0.0 { x.min(1.0) } else { 0.0 };
             material.base_color.factor = matrix.apply(material.base_color.factor.map(unit));
+        }
+        Arc::new(material.with_digest())
+    }
+
+    /// The material with another finish.
+    pub fn finished(self: Arc<Self>, finish: &Finish) -> Arc<Self> {
+        let mut material = Arc::unwrap_or_clone(self);
+        let constant = |number: f64| Scalar::constant(number as f32);
+        if let Some(roughness) = finish.roughness {
+            material.roughness = constant(roughness);
+        }
+        if let Some(metallic) = finish.metallic {
+            material.metallic = constant(metallic);
+        }
+        if let Some(ior) = finish.ior().filter(|_| material.transmission.is_none()) {
+            material.ior = ior as f32;
         }
         Arc::new(material.with_digest())
     }

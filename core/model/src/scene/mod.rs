@@ -9,6 +9,7 @@ mod asset;
 mod body;
 mod camera;
 mod environment;
+mod finish;
 mod light;
 mod mass;
 mod material;
@@ -16,6 +17,7 @@ mod mesh;
 mod moment;
 mod moments;
 mod recolor;
+mod recorded;
 mod rig;
 mod settled;
 mod support;
@@ -30,6 +32,7 @@ pub use asset::{
 pub use body::{Body, BodyDraft, BodyHandle, InstanceId, Motion, Role};
 pub use camera::{Camera, Distortion, Exposure, Fisheye, Intrinsics, Optics, Polynomial, Rays, ThinLens};
 pub use environment::EnvironmentMap;
+pub use finish::Finish;
 pub use light::{DirectionalLight, DiskLight, EnvironmentLight, Light, RectLight, SphereLight, WindowLight};
 pub use mass::{MassDistribution, MassOrigin, MassProperties};
 pub use material::{
@@ -39,6 +42,7 @@ pub use mesh::{Mesh, MeshData};
 pub use moment::{Moment, Trajectory};
 pub use moments::Moments;
 pub use recolor::{ColorMatrix, Recolor};
+pub use recorded::RecordedCamera;
 pub use rig::RigView;
 pub use settled::{PlacedBodies, Settled};
 pub use support::{DropZone, Region, Support, SupportArea, Supports, Walls, is_in_group};
@@ -53,7 +57,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// A scene's number in its dataset, from 0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
 pub struct SceneId(pub u32);
 
 /// A view's number in its scene, from 0.
@@ -99,6 +103,10 @@ pub struct SettleReport {
 /// A scene under construction.
 #[derive(Debug, Default)]
 pub struct SceneBuilder {
+    /// The scene's number in its dataset.
+    pub id: SceneId,
+    /// Which attempt this is, from 0.
+    pub attempt: u32,
     bodies: Vec<Option<BodyDraft>>,
     /// Drop zone of each body; none for bodies whose placers set none.
     zones: Vec<Option<DropZone>>,
@@ -109,9 +117,16 @@ pub struct SceneBuilder {
     pub articulations: Vec<Articulation<BodyHandle>>,
     /// Lights that belong to the scene rather than to a view.
     pub lights: Vec<Light>,
+    /// Cameras of the recorded scene that a placer rebuilds, in the order of its images. Empty for other scenes.
+    pub recorded_cameras: Vec<RecordedCamera>,
 }
 
 impl SceneBuilder {
+    /// An empty scene.
+    pub fn new(id: SceneId, attempt: u32) -> Self {
+        Self { id, attempt, ..Self::default() }
+    }
+
     /// Adds a body. Objects are numbered in the order in which they are added.
     pub fn add(&mut self, mut body: BodyDraft) -> BodyHandle {
         if body.role == Role::Object {
@@ -207,7 +222,7 @@ impl SceneBuilder {
     }
 
     /// Checks the scene and fixes it: objects get the ids 1..=M in spawn order, everything else the ids after.
-    pub fn freeze(self, id: SceneId, attempt: u32, settle: SettleReport) -> Result<Scene> {
+    pub fn freeze(self, settle: SettleReport) -> Result<Scene> {
         let all = self.bodies.into_iter().enumerate();
         let mut bodies: Vec<(BodyHandle, BodyDraft)> =
             all.filter_map(|(number, body)| Some((BodyHandle(number), body?))).collect();
@@ -229,8 +244,9 @@ impl SceneBuilder {
         if !bodies.iter().any(|body| body.role == Role::Object) {
             return Err(nothing_left(self.spawned, &settle.removed));
         }
-        let Self { supports, lights, .. } = self;
-        Ok(Scene { id, attempt, moment: Moment::START, bodies, supports, articulations, lights, settle })
+        let Self { id, attempt, supports, lights, recorded_cameras, .. } = self;
+        let moment = Moment::START;
+        Ok(Scene { id, attempt, moment, bodies, supports, articulations, lights, recorded_cameras, settle })
     }
 }
 
@@ -282,6 +298,8 @@ pub struct Scene {
     pub articulations: Vec<Articulation>,
     /// Lights of all views.
     pub lights: Vec<Light>,
+    /// Cameras of the recorded scene that it rebuilds; empty for other scenes.
+    recorded_cameras: Vec<RecordedCamera>,
     /// How the objects came to rest.
     pub settle: SettleReport,
 }
@@ -310,6 +328,20 @@ impl Scene {
     /// See [`Supports::get`].
     pub fn support(&self, name: Option<&SupportName>) -> Result<&Support> {
         self.supports.get(name)
+    }
+
+    /// The cameras of the recorded scene that it rebuilds, in the order of its images: at least one.
+    ///
+    /// # Errors
+    /// If it rebuilds none.
+    pub fn recorded_cameras(&self) -> Result<&[RecordedCamera]> {
+        match self.recorded_cameras.as_slice() {
+            [] => {
+                Err(Error::new("the scene has no recorded cameras")
+                    .help("add a step of the kind `recorded` to [[place]]"))
+            }
+            cameras => Ok(cameras),
+        }
     }
 
     /// Whether a body moves by a script, so that the scene differs between moments.

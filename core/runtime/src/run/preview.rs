@@ -360,7 +360,7 @@ fn compose(
     let made = panics::unwound(|| {
         let mut builder = attempt.place()?;
         let report = attempt.settle(&mut builder)?;
-        builder.freeze(attempt.scene, attempt.number, report).map(Arc::new)
+        builder.freeze(report).map(Arc::new)
     });
     if let Ok(scene) = &made {
         let (objects, removed) = (scene.objects().len() as u32, scene.settle.removed.len() as u32);

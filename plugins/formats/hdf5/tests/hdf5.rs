@@ -30,7 +30,8 @@ fn writer(options: &str) -> Result<Box<dyn Writer<Scenes>>, String> {
 fn scene() -> Scene {
     let mut builder = table();
     builder.add(body(object("box", box_mesh([0.1; 3]), [0.5; 3]), [0.0; 3], Role::Object));
-    builder.freeze(SceneId(4), 0, SettleReport::default()).expect("a scene")
+    builder.id = SceneId(4);
+    builder.freeze(SettleReport::default()).expect("a scene")
 }
 
 fn camera() -> Camera {

@@ -199,7 +199,8 @@ fn dataset() -> DatasetInfo {
 fn scene(id: u32) -> Result<Scene> {
     let mut builder = table();
     builder.add(body(object("box", box_mesh([0.1; 3]), [0.5; 3]), [0.0; 3], Role::Object));
-    builder.freeze(SceneId(id), 0, SettleReport::default())
+    builder.id = SceneId(id);
+    builder.freeze(SettleReport::default())
 }
 
 /// Writes the views of a scene.

@@ -90,7 +90,7 @@ fn pose(turn: [f64; 3], at: [f64; 3]) -> Pose {
 fn scene() -> Scene {
     let mesh = Arc::new(crate_mesh());
     let shared = object("crate", mesh.clone(), vec![Material::plain("plain", [0.2; 3], 0.4), rich()]);
-    let mut builder = SceneBuilder::default();
+    let mut builder = SceneBuilder::new(SceneId(3), 0);
     builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.7], [1.0, 0.8])).into();
     let mut add = |object: &Arc<Object>, world_from_body, role, surface| {
         let asset = AssetRef { pool: "pool".into(), name: object.name.clone() };
@@ -121,7 +121,7 @@ fn scene() -> Scene {
     let link = |name: &str, body, joint| Link { name: name.into(), body, joint };
     let links = vec![link("base", base, None), link("lid", lid, Some(hinge))];
     builder.articulations.push(Articulation { name: "box".into(), links });
-    let scene = builder.freeze(SceneId(3), 0, SettleReport::default()).expect("a scene");
+    let scene = builder.freeze(SettleReport::default()).expect("a scene");
     // Objects get the first ids, regardless of the order of the links.
     let bodies: Vec<u16> = scene.articulations[0].links.iter().map(|link| link.body.0).collect();
     assert_eq!(bodies, [3, 1]);
@@ -154,7 +154,7 @@ fn articulations_that_are_no_trees_are_refused() {
             .collect();
         change(&mut links);
         builder.articulations.push(Articulation { name: "cabinet".into(), links });
-        builder.freeze(SceneId(0), 0, SettleReport::default()).map_err(|error| error.to_string())
+        builder.freeze(SettleReport::default()).map_err(|error| error.to_string())
     };
     assert!(frozen(&|_| {}).is_ok());
     let joint = |link: &mut Link<BodyHandle>, change: &dyn Fn(&mut Joint)| link.joint.iter_mut().for_each(change);
@@ -420,14 +420,14 @@ fn sizes_and_changed_colors_are_baked() {
     let colored = object("colored", mesh.clone(), vec![plain()]);
     let two_factors = object("two_factors", mesh.clone(), vec![plain(), other()]);
     let mixed = object("mixed", mesh, vec![plain(), rich()]);
-    let mut builder = SceneBuilder::default();
+    let mut builder = SceneBuilder::new(SceneId(3), 0);
     builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.7], [1.0, 0.8])).into();
     for object in [Arc::new(textured.resized(1.5).expect("sound")), colored, two_factors, mixed] {
         let asset = AssetRef { pool: "pool".into(), name: object.name.clone() };
         let draft = BodyDraft::new(asset, object, Pose::identity(), Role::Object, Motion::Fixed);
         builder.add(draft.with_recolor(Some(recolor)));
     }
-    let scene = builder.freeze(SceneId(3), 0, SettleReport::default()).expect("a scene");
+    let scene = builder.freeze(SettleReport::default()).expect("a scene");
     let (file, json) = open(&write_scene(&scene, "lights = \"none\"")["gltf/000003.glb"]);
     let is_near = |got: &[f32], want: [f32; 3], by: f32| (0..3).all(|c| (got[c] - want[c]).abs() < by);
     let factor = |material: usize| -> Vec<f32> {

@@ -5,10 +5,10 @@ use crate::matrix::pose;
 use crate::object_info::scale_of;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::BODIES;
-use syntable_model::scene::{Body, Recolor, Role};
+use syntable_model::scene::{Body, Finish, Recolor, Role};
 
 /// Every body of the scene by its id in `instance`: role, asset, materials and pose. Bodies of another size than their asset have
-/// `scale`, and bodies with changed colors `recolor`, as their placer drew them.
+/// `scale`, and bodies with changed colors or reflections have `recolor` or `finish`, as their placer drew them.
 ///
 /// Objects have the ids 1 to M; distractors follow, then table and room. 0 means no body. Together with `role`,
 /// `instance` also gives the masks of tabletop and background.
@@ -47,6 +47,8 @@ struct BodyRecord<'a> {
     scale: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     recolor: Option<Recolor>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    finish: Option<Finish>,
     world_from_body: [[f64; 4]; 4],
 }
 
@@ -61,6 +63,7 @@ impl<'a> From<&'a Body> for BodyRecord<'a> {
             materials: material_names(body),
             scale: scale_of(&body.object),
             recolor: body.recolor,
+            finish: body.finish,
             world_from_body: pose(&body.world_from_body),
         }
     }

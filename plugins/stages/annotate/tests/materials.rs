@@ -11,7 +11,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{INSTANCE, MATERIAL_MAP, MATERIALS};
 use syntable_model::registry::Stage;
 use syntable_model::scene::{
-    Alpha, Material, Mesh, MeshData, Object, Region, Role, Scalar, SceneId, SettleReport, Support, Transmission,
+    Alpha, Material, Mesh, MeshData, Object, Region, Role, Scalar, SettleReport, Support, Transmission,
 };
 use syntable_testing::scenes;
 
@@ -55,7 +55,7 @@ fn scene(pane: Material) -> (Scene, View, Plane<InstanceId>) {
     for (object, at, role) in bodies {
         builder.add(scenes::body(object, at, role));
     }
-    let scene = builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound");
+    let scene = builder.freeze(SettleReport::default()).expect("sound");
     let view = scenes::view([0.0, -2.0, 0.0], [0.0; 3], SIZE, 60.0);
     let instance = Plane::from_fn(SIZE[0], SIZE[1], |x, y| {
         InstanceId([PANE, BOARD, WALL].into_iter().find(|&body| meets(&view, body, [x, y]).is_some()).unwrap_or(0))

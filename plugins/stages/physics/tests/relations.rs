@@ -50,7 +50,7 @@ fn products_of<C: Config>(scene: &Scene, options: &str, names: &[&str]) -> BTree
 }
 
 fn frozen(scene: SceneBuilder) -> Scene {
-    scene.freeze(SceneId(0), 0, SettleReport::default()).expect("a scene")
+    scene.freeze(SettleReport::default()).expect("a scene")
 }
 
 /// Edges as (supporter, supported) with the upward force, N.

@@ -3,7 +3,7 @@
 use crate::bounds::rotated_bounds;
 use crate::material::MaterialReplacement;
 use crate::oriented_box::OrientedBox;
-use crate::variation::{ColorChange, SCALE, Variation, resized};
+use crate::variation::{ColorChange, FinishChange, SCALE, Variation, resized};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 use syntable_model::geometry::{Aabb, UnitQuaternion, Vector3, space_around};
@@ -57,6 +57,9 @@ pub struct Distractors {
     /// Replaces the material of some distractors, such as `{ from = "materials", probability = 0.2 }`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     material: Option<MaterialReplacement>,
+    /// Changes how some objects reflect light, such as `{ roughness = { uniform = [0, 1] } }`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    finish: Option<FinishChange>,
     /// Maximum number of positions drawn for one distractor.
     #[serde(default = "tries")]
     #[schemars(range(min = 1, max = 100000))]
@@ -138,7 +141,12 @@ impl Placer for Distractors {
 
 impl Distractors {
     fn variation(&self) -> Variation<'_> {
-        Variation { scale: self.scale.as_ref(), color: self.color.as_ref(), material: self.material.as_ref() }
+        Variation {
+            scale: self.scale.as_ref(),
+            color: self.color.as_ref(),
+            material: self.material.as_ref(),
+            finish: self.finish.as_ref(),
+        }
     }
 
     /// Draws an asset that is within `size_m` at a factor of its size; `None` if too many draws fail.

@@ -5,7 +5,7 @@ use crate::material::MaterialReplacement;
 use crate::objects::{COUNT, DENSITY_KG_M3, FRICTION, ObjectOptions, RESTITUTION};
 use crate::oriented_box::OrientedBox;
 use crate::resting::{RestingPose, RestingShapes};
-use crate::variation::{ColorChange, SCALE, Variation};
+use crate::variation::{ColorChange, FinishChange, SCALE, Variation};
 use syntable_model::geometry::{Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{BodyDraft, DropZone, Object, Role, Support};
@@ -71,6 +71,9 @@ pub struct DropBox {
     /// Replaces the material of some objects, such as `{ from = "materials", probability = 0.2 }`. Shape and mass stay.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     material: Option<MaterialReplacement>,
+    /// Changes how some objects reflect light, such as `{ roughness = { uniform = [0, 1] } }`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    finish: Option<FinishChange>,
     /// Whether the objects are labeled. Otherwise, they are distractors: they fall and occlude like objects, have no
     /// masks, and stay on the floor if they fall off the support. Without a floor, they are removed in that case, and
     /// also if they still move in the end.
@@ -231,7 +234,12 @@ impl Placer for DropBox {
 
 impl DropBox {
     fn variation(&self) -> Variation<'_> {
-        Variation { scale: self.scale.as_ref(), color: self.color.as_ref(), material: self.material.as_ref() }
+        Variation {
+            scale: self.scale.as_ref(),
+            color: self.color.as_ref(),
+            material: self.material.as_ref(),
+            finish: self.finish.as_ref(),
+        }
     }
 
     fn options(&self) -> ObjectOptions<'_> {

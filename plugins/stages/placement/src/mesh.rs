@@ -3,7 +3,7 @@
 use crate::bounds::rotated_bounds;
 use crate::dist_list::dist_list;
 use crate::material::MaterialReplacement;
-use crate::variation::{ColorChange, Variation};
+use crate::variation::{ColorChange, FinishChange, Variation};
 use schemars::{Schema, SchemaGenerator};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -110,6 +110,9 @@ pub struct Mesh {
     /// Replaces the materials of the file, such as `{ from = "materials", probability = 0.2 }`. Shape and mass stay.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     material: Option<MaterialReplacement>,
+    /// Changes how the mesh reflects light in some scenes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    finish: Option<FinishChange>,
     /// Level areas of the mesh that carry objects, such as `[{ name = "desk" }]` for its top, or one entry per shelf board.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     supports: Vec<MeshSupport>,
@@ -313,7 +316,12 @@ impl Placer for Mesh {
 
 impl Mesh {
     fn variation(&self) -> Variation<'_> {
-        Variation { scale: None, color: self.color.as_ref(), material: self.material.as_ref() }
+        Variation {
+            scale: None,
+            color: self.color.as_ref(),
+            material: self.material.as_ref(),
+            finish: self.finish.as_ref(),
+        }
     }
 
     fn name(&self) -> String {

@@ -104,7 +104,8 @@ impl ResizedShape {
         Footprint::of(self.corners().map(|p| world_from_body * p).filter(|p| p.z >= high - TOP_M))
     }
 
-    fn corners(&self) -> impl Iterator<Item = Point3<f64>> {
+    /// The corners of its convex hull, body frame, meters.
+    pub fn corners(&self) -> impl Iterator<Item = Point3<f64>> {
         self.shape.corners.iter().map(|p| Point3::from(p.map(|x| f64::from(x) * self.factor)))
     }
 }

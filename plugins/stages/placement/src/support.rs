@@ -8,7 +8,7 @@ use crate::footprint::Footprint;
 use crate::material::MaterialReplacement;
 use crate::objects::FRICTION;
 use crate::resting::RestingShapes;
-use crate::variation::{ColorChange, SCALE, Variation, resized};
+use crate::variation::{ColorChange, FinishChange, SCALE, Variation, resized};
 use schemars::{Schema, SchemaGenerator};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -80,6 +80,9 @@ pub struct Support {
     /// Replaces the material of some bodies, such as `{ from = "materials", probability = 0.2 }`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     material: Option<MaterialReplacement>,
+    /// Changes how some of the pieces reflect light.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    finish: Option<FinishChange>,
     /// Coulomb friction coefficient of each body, 0 to 10. Default: the asset's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = FRICTION[0], "maximum" = FRICTION[1]))]
@@ -193,7 +196,12 @@ impl Placer for Support {
 
 impl Support {
     fn variation(&self) -> Variation<'_> {
-        Variation { scale: self.scale.as_ref(), color: self.color.as_ref(), material: self.material.as_ref() }
+        Variation {
+            scale: self.scale.as_ref(),
+            color: self.color.as_ref(),
+            material: self.material.as_ref(),
+            finish: self.finish.as_ref(),
+        }
     }
 
     /// The areas of an object that carry others.

@@ -8,7 +8,7 @@ use syntable_mesh::mass::within_estimates;
 use syntable_mesh::size;
 use syntable_model::context::Assets;
 use syntable_model::prelude::*;
-use syntable_model::scene::{BodyDraft, Object, Recolor};
+use syntable_model::scene::{BodyDraft, Finish, Object, Recolor};
 
 /// Limits of the factor of an object's size.
 pub const SCALE: [f64; 2] = [0.01, 100.0];
@@ -68,6 +68,58 @@ impl ColorChange {
     }
 }
 
+/// Limits of the parts of a finish.
+const FINISH: [f64; 2] = [0.0, 1.0];
+
+/// Changes how the materials of an object reflect light. Each part replaces the values and textures of all its materials; parts that
+/// are left out stay. Colors and normal maps stay.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FinishChange {
+    /// Perceptual roughness, 0 to 1: 0 is a mirror.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = FINISH[0], "maximum" = FINISH[1]))]
+    roughness: Option<Dist>,
+    /// Reflectance at normal incidence, 0 to 1, as a fraction of 8 %: 0.5 reflects 4 %, as most plastics do. This is `Specular` of
+    /// Blender's Principled BSDF. Glass keeps its index of refraction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = FINISH[0], "maximum" = FINISH[1]))]
+    specular: Option<Dist>,
+    /// 0 for plastic and the like, 1 for metal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = FINISH[0], "maximum" = FINISH[1]))]
+    metallic: Option<Dist>,
+    /// Probability that the finish of an object changes.
+    #[serde(default = "always")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    probability: f64,
+}
+
+impl FinishChange {
+    /// Refuses distributions that leave their limits.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let parts = [("roughness", &self.roughness), ("specular", &self.specular), ("metallic", &self.metallic)];
+        if parts.iter().all(|(_, dist)| dist.is_none()) {
+            let message = "the finish states none of its parts";
+            return Err(ConfigError::new("finish", message).help("set `roughness`, `specular` or `metallic`"));
+        }
+        let within = |(name, dist): (&str, &Option<Dist>)| {
+            dist.as_ref().map_or(Ok(()), |dist| dist.within(&format!("finish.{name}"), FINISH[0], FINISH[1]))
+        };
+        parts.into_iter().try_for_each(within)
+    }
+
+    /// Draws the finish of an object; `None` if it keeps its own.
+    pub fn draw(&self, stream: &Stream) -> Option<Finish> {
+        let draw = |dist: &Option<Dist>, name: &str| Some(dist.as_ref()?.draw(&mut stream.child(name)));
+        stream.child("change").chance(self.probability).then(|| Finish {
+            roughness: draw(&self.roughness, "roughness"),
+            specular: draw(&self.specular, "specular"),
+            metallic: draw(&self.metallic, "metallic"),
+        })
+    }
+}
+
 /// The options of a placer that make its objects differ from their assets.
 #[derive(Debug, Clone, Copy)]
 pub struct Variation<'o> {
@@ -77,6 +129,8 @@ pub struct Variation<'o> {
     pub color: Option<&'o ColorChange>,
     /// Replacement of the material.
     pub material: Option<&'o MaterialReplacement>,
+    /// Change of the finish.
+    pub finish: Option<&'o FinishChange>,
 }
 
 impl Variation<'_> {
@@ -84,7 +138,8 @@ impl Variation<'_> {
     pub fn check(&self) -> Result<(), ConfigError> {
         self.scale.map_or(Ok(()), |scale| scale.within("scale", SCALE[0], SCALE[1]))?;
         self.color.map_or(Ok(()), ColorChange::check)?;
-        self.material.map_or(Ok(()), MaterialReplacement::check)
+        self.material.map_or(Ok(()), MaterialReplacement::check)?;
+        self.finish.map_or(Ok(()), FinishChange::check)
     }
 
     /// Whether some object has another size than its asset.
@@ -97,14 +152,15 @@ impl Variation<'_> {
         self.scale.map_or(1.0, |scale| scale.draw(&mut stream.child("scale")))
     }
 
-    /// Draws the material and the colors of a body.
+    /// Draws the material, the colors and the finish of a body.
     pub fn painted(&self, body: BodyDraft, assets: &dyn Assets, stream: &Stream) -> Result<BodyDraft> {
         let material = match self.material {
             Some(other) => other.draw(assets, &stream.child("surface"))?,
             None => None,
         };
         let recolor = self.color.and_then(|color| color.draw(&stream.child("color")));
-        Ok(body.with_material_override(material).with_recolor(recolor))
+        let finish = self.finish.and_then(|finish| finish.draw(&stream.child("finish")));
+        Ok(body.with_material_override(material).with_recolor(recolor).with_finish(finish))
     }
 }
 

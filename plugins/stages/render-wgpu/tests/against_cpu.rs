@@ -13,7 +13,7 @@ use syntable_model::product::Lighting;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::*;
 use syntable_model::scene::{
-    Color, Encoding, EnvironmentLight, EnvironmentMap, Light, Material, Mesh, Recolor, Region, Role, Scalar, SceneId,
+    Color, Encoding, EnvironmentLight, EnvironmentMap, Light, Material, Mesh, Recolor, Region, Role, Scalar,
     SettleReport, Support, Texture, Wrap,
 };
 use syntable_model::stage::{Atlas, Bodies, Window};
@@ -211,7 +211,7 @@ fn changed_colors_are_the_cpus() {
         let recolor = Recolor { hue_deg: 40.0 + 60.0 * f64::from(number), saturation: 1.3, brightness: 0.8 };
         builder.add(scenes::body(Arc::new(object), at, Role::Object).with_recolor(Some(recolor)));
     }
-    let scene = Arc::new(builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound"));
+    let scene = Arc::new(builder.freeze(SettleReport::default()).expect("sound"));
     let view = scenes::view([0.5, -0.7, 0.6], [0.0; 3], [96, 72], 50.0);
     let wants = keys![ALBEDO, INSTANCE];
     let request = RenderRequest::new(&view, &wants, Stream::root(1), &Threads(2));
@@ -250,7 +250,7 @@ fn white_bodies_in_even_light_are_not_seen() {
             ..Material::plain("white", [1.0; 3], roughness)
         })];
         builder.add(scenes::body(Arc::new(object), [0.0; 3], Role::Object));
-        let scene = Arc::new(builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound"));
+        let scene = Arc::new(builder.freeze(SettleReport::default()).expect("sound"));
         let options = PathTracing { samples_per_pixel: 64, ..PathTracing::default() };
         let frames = [
             rendered(&CpuPathRenderer::new(options.clone()), &scene, &request),

@@ -1,7 +1,7 @@
 //! Camera models, view samplers and light samplers.
 //!
-//! - [`camera`] has `pinhole`.
-//! - [`views`]: `hemisphere_shell` (the paper's), `orbit`, `fixed_poses`.
+//! - [`camera`]: `pinhole`, `fisheye`, `recorded`.
+//! - [`views`]: `hemisphere_shell` (the paper's), `orbit`, `fixed_poses`, `recorded`.
 //! - [`lights`]: `sphere_lights` (the paper's), `ceiling_light`, `window_light`, `sun`, `environment`.
 //!
 //! Every kind is in a file of its name; `common` holds the geometry that views and lights share.

@@ -94,7 +94,7 @@ impl Attempt<'_> {
 
     /// Places the bodies.
     pub fn place(&self) -> Result<SceneBuilder> {
-        let mut builder = SceneBuilder::default();
+        let mut builder = SceneBuilder::new(self.scene, self.number);
         for (id, placers) in &self.component.place {
             let stage = format!("place.{id}");
             let Chosen { stage: placer, stream, alternative } = placers.draw(self.stream(&stage));

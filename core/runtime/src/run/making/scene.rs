@@ -146,7 +146,7 @@ impl<'a> SceneMaker<'a> {
 
     /// Places the bodies, and settles them, or applies the `stored` result of settling.
     fn frozen(&self, attempt: &Attempt, staged: &StoreFolder, stored: bool) -> Result<Scene> {
-        let (scene, number) = (attempt.scene, attempt.number);
+        let scene = attempt.scene;
         let mut builder = attempt.place()?;
         let again = if stored { settled::read(self.folder.files(), scene) } else { None };
         let report = match again.map(|settled| settled.apply(&mut builder)) {
@@ -160,7 +160,7 @@ impl<'a> SceneMaker<'a> {
                 report
             }
         };
-        builder.freeze(scene, number, report)
+        builder.freeze(report)
     }
 
     /// Moves the files of a scene whose labels contradict each other out of the dataset.

@@ -222,7 +222,7 @@ fn is_uncut(camera: &Camera, body: &Body) -> bool {
 mod tests {
     use super::*;
     use std::sync::Arc;
-    use syntable_model::scene::{SceneId, SettleReport};
+    use syntable_model::scene::SettleReport;
     use syntable_prepare::RayMesh;
     use syntable_recipe::AllObjects;
     use syntable_testing::scenes::{body, box_mesh, boxes, object, table, view};
@@ -259,7 +259,7 @@ mod tests {
         let mut builder = table();
         builder.add(body(object("box", box_mesh([0.2, 0.2, 0.02]), [0.5; 3]), [0.0, 0.0, 0.01], Role::Object));
         builder.add(plate);
-        let scene = builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound");
+        let scene = builder.freeze(SettleReport::default()).expect("sound");
         let camera = from_above(0.0, 10.0);
         let at_least = |min_visible| ViewConditions { min_visible, ..ViewConditions::default() };
         assert_eq!(of(&scene, &camera, &at_least(0.22)), Verdict::Accepted);
@@ -322,7 +322,7 @@ mod tests {
             let mut builder = table();
             builder.add(body(object("box", box_mesh([0.1; 3]), [0.5; 3]), [0.0, 0.3, 0.05], Role::Object));
             builder.add(body(object("post", box_mesh([0.05, 0.05, 0.6]), [0.5; 3]), [0.5, 0.0, 0.3], role));
-            let scene = builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound");
+            let scene = builder.freeze(SettleReport::default()).expect("sound");
             verdict(&scene, &camera, &conditions, target).expect("has a target")
         };
         assert_eq!(with(Role::Object), Verdict::Accepted);

@@ -254,6 +254,9 @@ impl Export {
         if let Some(recolor) = &body.recolor {
             extras["recolor"] = json!(recolor);
         }
+        if let Some(finish) = &body.finish {
+            extras["finish"] = json!(finish);
+        }
         let name = format!("{} {}", body.id, body.asset);
         self.child(GltfNode { mesh: Some(mesh), extras, ..GltfNode::at(name, &body.world_from_body) });
         Ok(())

@@ -88,7 +88,7 @@ impl World {
     /// A world with other objects.
     pub fn of(object: Object, objects: usize) -> Self {
         let object = Arc::new(object);
-        let mut builder = SceneBuilder::default();
+        let mut builder = SceneBuilder::new(SceneId(3), 1);
         builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.7], [1.0, 0.8])).into();
         let asset = AssetRef { pool: "pool".into(), name: "tetra".into() };
         let mut add = |role, x: f64| {
@@ -99,7 +99,7 @@ impl World {
         let handles: Vec<_> = (0..objects + 1).map(|i| add(Role::Object, 0.01 * i as f64)).collect();
         // The first object is removed, so that spawn numbers and ids differ.
         builder.remove(handles[0]);
-        let scene = builder.freeze(SceneId(3), 1, SettleReport::default()).expect("a scene");
+        let scene = builder.freeze(SettleReport::default()).expect("a scene");
         let eye = Point3::new(1.0, 0.0, 1.5);
         let view = View {
             moment: Moment::START,

@@ -5,7 +5,7 @@ use super::limits::GAP_M;
 use crate::material::MaterialReplacement;
 use crate::objects::{COUNT, DENSITY_KG_M3, FRICTION, ObjectOptions, RESTITUTION};
 use crate::resting::{RestingPose, RestingShapes};
-use crate::variation::{ColorChange, SCALE, Variation};
+use crate::variation::{ColorChange, FinishChange, SCALE, Variation};
 use std::collections::BTreeMap;
 use syntable_model::prelude::*;
 
@@ -80,6 +80,9 @@ pub struct Arrange {
     /// Replaces the material of some objects, such as `{ from = "materials", probability = 0.2 }`. Shape and mass stay.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) material: Option<MaterialReplacement>,
+    /// Changes how some objects reflect light, such as `{ roughness = { uniform = [0, 1] } }`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) finish: Option<FinishChange>,
     /// Whether the objects are labeled. Otherwise, they are distractors.
     #[serde(default = "yes")]
     pub(super) annotated: bool,
@@ -180,7 +183,12 @@ impl Arrange {
     }
 
     pub(super) fn variation(&self) -> Variation<'_> {
-        Variation { scale: self.scale.as_ref(), color: self.color.as_ref(), material: self.material.as_ref() }
+        Variation {
+            scale: self.scale.as_ref(),
+            color: self.color.as_ref(),
+            material: self.material.as_ref(),
+            finish: self.finish.as_ref(),
+        }
     }
 
     pub(super) fn options(&self) -> ObjectOptions<'_> {

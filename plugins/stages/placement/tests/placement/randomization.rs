@@ -1,7 +1,7 @@
 //! Random materials, outdoor floors, and distractors.
 
 use super::*;
-use syntable_model::scene::{SceneId, SettleReport};
+use syntable_model::scene::SettleReport;
 
 fn bodies(scene: &SceneBuilder) -> Vec<&BodyDraft> {
     scene.bodies().map(|(_, body)| body).collect()
@@ -187,7 +187,7 @@ fn distractors_come_after_objects_and_before_the_table() {
     let drop = placer("drop_box", "from = [\"small\"]\ncount = 5");
     let (scene, _) = place(&[&*room, &*table, &*unlabeled, &*floor, &*drop], 2).expect("placed");
     assert_eq!(objects(&scene).iter().map(|body| body.spawn).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
-    let scene = scene.freeze(SceneId(0), 0, SettleReport::default()).expect("frozen");
+    let scene = scene.freeze(SettleReport::default()).expect("frozen");
     assert_eq!((scene.objects().len(), scene.foreground().len(), scene.bodies().len()), (5, 12, 19));
     let roles: Vec<Role> = scene.bodies().iter().map(|body| body.role).collect();
     assert_eq!(roles[5..12], [Role::Distractor; 7]);

@@ -10,7 +10,7 @@ use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vecto
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, EnvironmentLight, EnvironmentMap, Exposure, Intrinsics, Light, MassOrigin,
-    MassProperties, Material, MaterialOverride, Mesh, MeshData, Moment, Motion, Object, Region, Role, Scalar, SceneId,
+    MassProperties, Material, MaterialOverride, Mesh, MeshData, Moment, Motion, Object, Region, Role, Scalar,
     SettleReport, SourceModel, Support, Transmission, ViewId, Volume,
 };
 use syntable_transport::PixelFilter;
@@ -165,7 +165,7 @@ pub fn scene(bodies: impl IntoIterator<Item = BodyDraft>) -> Arc<Scene> {
     bodies.into_iter().for_each(|body| {
         builder.add(body);
     });
-    Arc::new(builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound"))
+    Arc::new(builder.freeze(SettleReport::default()).expect("sound"))
 }
 
 /// A view of width × height with square pixels.

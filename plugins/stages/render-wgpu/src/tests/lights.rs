@@ -8,7 +8,7 @@ use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     Color, DirectionalLight, DiskLight, EnvironmentLight, EnvironmentMap, Light, Material, Mesh, RectLight, Role,
-    SceneId, SettleReport, SphereLight, WindowLight,
+    SettleReport, SphereLight, WindowLight,
 };
 use syntable_prepare::{PreparedScene, SceneCache, SurfacePoint};
 use syntable_simd::{Vec3, vec3};
@@ -31,7 +31,7 @@ fn scene(random: &mut Stream) -> Scene {
             vec![Arc::new(Material { emission: Color::constant(factor), ..Material::plain("", [0.5; 3], 0.5) })];
         builder.add(scenes::body(Arc::new(object), [f64::from(number) - 0.5, 0.2, 0.4], Role::Object));
     }
-    builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound")
+    builder.freeze(SettleReport::default()).expect("sound")
 }
 
 /// Lights of every kind.

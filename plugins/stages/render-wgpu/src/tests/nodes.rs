@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use syntable_model::digest::Digest;
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Mesh, MeshData, Role, SceneId, SettleReport};
+use syntable_model::scene::{Mesh, MeshData, Role, SettleReport};
 use syntable_prepare::{BinaryTree, Bounds, TreeNode};
 use syntable_simd::Vec3;
 use syntable_testing::{room, scenes};
@@ -193,7 +193,7 @@ fn nodes_of_eight_boxes_and_of_two() {
     let mut object = (*scenes::object("room", Mesh::new(data).expect("sound"), [0.5; 3])).clone();
     object.digest = Digest::of(b"room");
     builder.add(scenes::body(Arc::new(object), [0.0; 3], Role::Object));
-    let scene = builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound");
+    let scene = builder.freeze(SettleReport::default()).expect("sound");
     let view = room::view(SIZE[0], SIZE[1]);
     show(&mut session, &scene, &view);
 

@@ -5,7 +5,7 @@ use syntable_model::digest::Digest;
 use syntable_model::geometry::{Pose, Translation3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
-    Alpha, Color, Encoding, Material, Mesh, MeshData, Role, Scalar, SceneId, SettleReport, Texture, Transmission, Wrap,
+    Alpha, Color, Encoding, Material, Mesh, MeshData, Role, Scalar, SettleReport, Texture, Transmission, Wrap,
 };
 use syntable_testing::scenes;
 
@@ -74,5 +74,5 @@ pub fn scene(number: u64, special: bool) -> Scene {
             }
         }
     }
-    builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound")
+    builder.freeze(SettleReport::default()).expect("sound")
 }

@@ -9,7 +9,7 @@ use syntable_model::geometry::{Pose, Translation3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     Alpha, Clearcoat, Color, Encoding, EnvironmentLight, EnvironmentMap, Light, Material, MaterialOverride, Mesh,
-    MeshData, NormalMap, Role, Scalar, SceneId, SettleReport, Sheen, Texture, TextureMapping, TextureRef, Transmission,
+    MeshData, NormalMap, Role, Scalar, SettleReport, Sheen, Texture, TextureMapping, TextureRef, Transmission,
     UvTransform, Volume, Wrap,
 };
 use syntable_prepare::labels::BlendedLabels;
@@ -138,7 +138,7 @@ fn scene(random: &mut Stream) -> Scene {
             builder.add(body.with_material_override((form == 0 && number % 2 == 0).then_some(boxed)));
         }
     }
-    builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound")
+    builder.freeze(SettleReport::default()).expect("sound")
 }
 
 /// A point of a body that a ray meets.

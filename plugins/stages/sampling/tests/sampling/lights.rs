@@ -116,7 +116,7 @@ fn room_around(size: [f32; 3], center: [f64; 3]) -> Scene {
     ] {
         scene.add(scenes::body(scenes::object("slab", scenes::box_mesh(edges), [0.5; 3]), at, Role::Room));
     }
-    scene.freeze(SceneId(0), 0, SettleReport::default()).expect("frozen")
+    scene.freeze(SettleReport::default()).expect("frozen")
 }
 
 #[test]
@@ -163,7 +163,7 @@ fn windows_need_a_wall_only_where_one_is_wanted() {
     open.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.75], [1.4, 0.8])).into();
     let object = scenes::object("box", scenes::box_mesh([0.1; 3]), [0.5; 3]);
     open.add(scenes::body(object, [0.0, 0.0, 0.8], Role::Object));
-    let open = open.freeze(SceneId(0), 0, SettleReport::default()).expect("frozen");
+    let open = open.freeze(SettleReport::default()).expect("frozen");
     let floor = super::scene(None);
     let outside = room_around([6.0, 4.0, 2.6], [0.0, 0.0, 5.25]);
     for scene in [&open, &floor, &outside] {

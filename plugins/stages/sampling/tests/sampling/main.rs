@@ -12,7 +12,7 @@ use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, EnvironmentMap, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material,
-    Mesh, MeshData, Motion, Object, Optics, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
+    Mesh, MeshData, Motion, Object, Optics, Region, Role, SettleReport, SourceModel, Support, ViewId,
 };
 use syntable_sampling as _;
 use syntable_testing::assets::NoAssets;
@@ -87,7 +87,7 @@ fn scene(ceiling: Option<f64>) -> Scene {
     if let Some(z) = ceiling {
         add(z, 5.0, Role::Room);
     }
-    scene.freeze(SceneId(0), 0, SettleReport::default()).expect("frozen")
+    scene.freeze(SettleReport::default()).expect("frozen")
 }
 
 fn optics(options: &str) -> Optics {
