@@ -29,6 +29,7 @@ mod object_stores;
 mod preview;
 mod programs;
 mod recipes;
+mod recorded;
 mod remote_datasets;
 mod report;
 mod speed;

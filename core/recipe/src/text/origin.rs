@@ -80,6 +80,7 @@ macro_rules! builtins {
 
 builtins![
     "bin-picking",
+    "bop-pbr",
     "ceiling-room",
     "clutter",
     "open-sky",
@@ -92,6 +93,7 @@ builtins![
     "syntable-sim/val",
     "table-setting",
     "tote-to-shelf",
+    "uoais-sim",
     "window-room",
 ];
 

@@ -21,7 +21,7 @@ const THICKNESS_M: f64 = 0.1;
 ///
 /// Each of the six surfaces draws its own material from its pool; without a pool it is plain gray. `floor_only` leaves
 /// out walls and ceiling, for outdoor scenes lit by `environment` and `sun`; the kind `ground` is, in its place, a floor
-/// that looks like the environment. Cameras and lights are not constrained to the room; with the default size and tables
+/// that looks like the environment. `open_top` leaves out the ceiling alone. Cameras and lights are not constrained to the room; with the default size and tables
 /// below 2 m they are always inside. A table that reaches through a wall or the ceiling fails the attempt.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -40,8 +40,12 @@ pub struct Room {
     material: RoomMaterials,
     /// Whether all four walls get the same material and texture mapping. Otherwise each wall draws its own.
     walls_alike: bool,
+    /// Whether all surfaces get the material and texture mapping of the walls.
+    all_alike: bool,
     /// Whether to leave out walls and ceiling.
     floor_only: bool,
+    /// Whether to leave out the ceiling.
+    open_top: bool,
     /// Makes an area of the floor a support, for scenes without a table: `{ name = "floor", size_m = [1.5, 1.5] }`.
     #[serde(skip_serializing_if = "Option::is_none")]
     support: Option<FloorSupport>,
@@ -75,7 +79,9 @@ impl Default for Room {
             height_m: Dist::Constant(15.0),
             material: RoomMaterials::default(),
             walls_alike: false,
+            all_alike: false,
             floor_only: false,
+            open_top: false,
             support: None,
             texture_rotation_deg: any_angle_deg(),
             texture_scale: real_size(),
@@ -118,8 +124,14 @@ impl Placer for Room {
         let length = self.length_m.as_ref().map_or(size, |length| length.draw(&mut context.stream.child("length")));
         let half = [size / 2.0, length / 2.0];
         let height = self.height_m.draw(&mut context.stream.child("height"));
-        for part in parts(half, height).into_iter().take(if self.floor_only { 1 } else { 6 }) {
+        let count = match (self.floor_only, self.open_top) {
+            (true, _) => 1,
+            (false, true) => 5,
+            (false, false) => 6,
+        };
+        for part in parts(half, height).into_iter().take(count) {
             let (pools, gray, stream) = match part.name {
+                _ if self.all_alike => (&self.material.walls, 0.7, "walls"),
                 "floor" => (&self.material.floor, 0.45, part.name),
                 "ceiling" => (&self.material.ceiling, 0.8, part.name),
                 _ => (&self.material.walls, 0.7, if self.walls_alike { "walls" } else { part.name }),

@@ -1,10 +1,11 @@
 //! Brightness and color temperature of lights.
 
-use self::limits::{ILLUMINANCE_LX, LUMINANCE_NITS, LUMINOUS_FLUX_LM, TEMPERATURE_K};
+use self::limits::{ILLUMINANCE_LX, LUMINANCE_NITS, LUMINOUS_FLUX_LM, TEMPERATURE_K, TINT};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::dist::Dist;
 use syntable_model::error::ConfigError;
+use syntable_model::photometry::blackbody;
 use syntable_model::random::Stream;
 
 /// Limits of photometric options.
@@ -17,6 +18,8 @@ pub mod limits {
     pub const LUMINOUS_FLUX_LM: [f64; 2] = [0.0, 1e9];
     /// Color temperature, kelvin.
     pub const TEMPERATURE_K: [f64; 2] = [1000.0, 40_000.0];
+    /// Factor of a channel.
+    pub const TINT: [f64; 2] = [0.0, 1.0];
 }
 
 /// Brightness of a light, as one of three photometric quantities.
@@ -54,6 +57,31 @@ impl Brightness {
             Self::LuminanceNits(nits) => nits.draw(stream),
             Self::LuminousFluxLm(lumens) => from_lumens(lumens.draw(stream)),
         }
+    }
+}
+
+/// Color of a light: its temperature and its filter.
+#[derive(Clone, Copy)]
+pub struct LightColor<'o> {
+    /// Color temperature, kelvin.
+    pub temperature_k: &'o Dist,
+    /// Factors of red, green and blue, each drawn on its own.
+    pub tint: Option<&'o Dist>,
+}
+
+impl LightColor<'_> {
+    /// Rejects color temperatures that no light has, and filters that amplify light.
+    pub fn check(self) -> Result<(), ConfigError> {
+        check_temperature("temperature_k", self.temperature_k)?;
+        self.tint.map_or(Ok(()), |tint| tint.within("tint", TINT[0], TINT[1]))
+    }
+
+    /// Draws the color, linear Rec. 709. Its luminance is 1 without a filter.
+    pub fn draw(self, stream: &Stream) -> [f64; 3] {
+        let color = blackbody(self.temperature_k.draw(&mut stream.child("temperature")));
+        let Some(tint) = self.tint else { return color };
+        let mut stream = stream.child("tint");
+        color.map(|channel| channel * tint.draw(&mut stream))
     }
 }
 

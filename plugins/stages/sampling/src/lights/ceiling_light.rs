@@ -1,12 +1,12 @@
 //! Rectangular and round lights under the ceiling.
 
-use crate::lights::brightness::limits::TEMPERATURE_K;
-use crate::lights::brightness::{Brightness, check_temperature};
+use crate::lights::brightness::limits::{TEMPERATURE_K, TINT};
+use crate::lights::brightness::{Brightness, LightColor};
 use crate::lights::per::Per;
 use crate::lights::room::inside;
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::PI;
-use syntable_model::photometry::{blackbody, disk_illuminance, flux_luminance, polygon_illuminance};
+use syntable_model::photometry::{disk_illuminance, flux_luminance, polygon_illuminance};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Camera, DiskLight, Light, RectLight, Support};
 
@@ -58,6 +58,11 @@ pub struct CeilingLight {
     /// Color temperature, kelvin, from 1000 to 40,000.
     #[schemars(extend("minimum" = TEMPERATURE_K[0], "maximum" = TEMPERATURE_K[1]))]
     temperature_k: Dist,
+    /// Factor of the light's red, green and blue, drawn for each of the three, 0 to 1: `{ uniform = [0.5, 1] }` gives pale colors. A
+    /// filter darkens: `brightness` is the brightness without it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = TINT[0], "maximum" = TINT[1]))]
+    tint: Option<Dist>,
     /// Brightness: `{ illuminance_lx = 500 }` of all lights together, `{ luminance_nits = 3000 }` or
     /// `{ luminous_flux_lm = 800 }` of each light. Zero brightness switches the lights off.
     brightness: Brightness,
@@ -89,6 +94,7 @@ impl Default for CeilingLight {
             spacing_m: 3.0,
             shift_m: 0.5,
             temperature_k: Dist::Uniform(2000.0, 6500.0),
+            tint: None,
             brightness: Brightness::IlluminanceLx(Dist::Uniform(100.0, 2000.0)),
         }
     }
@@ -111,7 +117,7 @@ impl Config for CeilingLight {
             let message = format!("a disk of `size_m = {:?}` would be an ellipse", self.size_m);
             return Err(ConfigError::new("size_m", message).help("write its diameter twice"));
         }
-        check_temperature("temperature_k", &self.temperature_k)?;
+        self.color().check()?;
         self.brightness.check()?;
         Ok(Box::new(self))
     }
@@ -148,7 +154,7 @@ impl LightSampler for CeilingLight {
             },
             |lumens| flux_luminance(lumens, self.area()),
         );
-        let color = blackbody(self.temperature_k.draw(&mut stream.child("temperature")));
+        let color = self.color().draw(&stream);
         let radiance = color.map(|channel| channel * luminance);
         let light = |center: &Point3<f64>| match self.shape {
             CeilingShape::Rect => Light::Rect(RectLight { radiance, ..self.rect(*center) }),
@@ -162,6 +168,10 @@ impl LightSampler for CeilingLight {
 }
 
 impl CeilingLight {
+    fn color(&self) -> LightColor<'_> {
+        LightColor { temperature_k: &self.temperature_k, tint: self.tint.as_ref() }
+    }
+
     /// A rectangle of zero radiance.
     fn rect(&self, center: Point3<f64>) -> RectLight {
         // u × v points down.

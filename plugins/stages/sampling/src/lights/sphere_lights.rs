@@ -2,11 +2,11 @@
 
 use crate::common::bounds::check_order;
 use crate::common::shell::{ALL_AROUND, HEMISPHERE_DEG, center, direction};
-use crate::lights::brightness::limits::TEMPERATURE_K;
-use crate::lights::brightness::{Brightness, check_temperature};
+use crate::lights::brightness::limits::{TEMPERATURE_K, TINT};
+use crate::lights::brightness::{Brightness, LightColor};
 use crate::lights::per::Per;
 use std::f64::consts::PI;
-use syntable_model::photometry::{blackbody, flux_luminance, sphere_luminance};
+use syntable_model::photometry::{flux_luminance, sphere_luminance};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Camera, Light, SphereLight};
 
@@ -46,6 +46,11 @@ pub struct SphereLights {
     /// Color temperature, kelvin, from 1000 to 40,000.
     #[schemars(extend("minimum" = TEMPERATURE_K[0], "maximum" = TEMPERATURE_K[1]))]
     temperature_k: Dist,
+    /// Factor of the light's red, green and blue, drawn for each of the three, 0 to 1: `{ uniform = [0.5, 1] }` gives pale colors. A
+    /// filter darkens: `brightness` is the brightness without it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = TINT[0], "maximum" = TINT[1]))]
+    tint: Option<Dist>,
     /// Brightness of each light: `{ illuminance_lx = 500 }`, `{ luminance_nits = 10000 }` or
     /// `{ luminous_flux_lm = 800 }`. A light of zero brightness is left out.
     brightness: Brightness,
@@ -95,6 +100,7 @@ impl Default for SphereLights {
             elevation_deg: HEMISPHERE_DEG,
             size_m: Dist::Uniform(0.04, 0.1),
             temperature_k: Dist::Uniform(2000.0, 6500.0),
+            tint: None,
             brightness: Brightness::IlluminanceLx(Dist::Uniform(100.0, 20_000.0)),
         }
     }
@@ -118,12 +124,18 @@ impl Config for SphereLights {
         self.radius.check()?;
         check_order("elevation_deg", self.elevation_deg)?;
         self.size_m.within("size_m", SIZE_M[0], SIZE_M[1])?;
-        check_temperature("temperature_k", &self.temperature_k)?;
+        self.color().check()?;
         self.brightness.check()?;
         Ok(Box::new(self))
     }
 }
 register!(SphereLights);
+
+impl SphereLights {
+    fn color(&self) -> LightColor<'_> {
+        LightColor { temperature_k: &self.temperature_k, tint: self.tint.as_ref() }
+    }
+}
 
 impl LightSampler for SphereLights {
     fn once_per_scene(&self) -> bool {
@@ -155,7 +167,7 @@ impl LightSampler for SphereLights {
                 |lux| sphere_luminance(lux, distance, radius),
                 |lumens| flux_luminance(lumens, 4.0 * PI * radius * radius),
             );
-            let color = blackbody(self.temperature_k.draw(&mut stream.child("temperature")));
+            let color = self.color().draw(&stream);
             if luminance > 0.0 {
                 lights.push(Light::Sphere(SphereLight {
                     center: position,

@@ -1,0 +1,150 @@
+//! Rebuilt scenes: the objects of a dataset at their poses before its cameras, in other surroundings.
+
+use crate::support::{fails, files, made, small_dataset, syntable};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+const BOP: &str = "write.bop={ kind = \"bop\", objects = \"all\" }";
+const INFO: &str = "annotate.info={ kind = \"object_info\", objects = \"all\" }";
+const VISIBILITY: &str = "annotate.counts={ kind = \"visibility\", objects = \"all\" }";
+const LINES: &str = "write.lines={ kind = \"jsonl\", include = [\"camera\", \"object_info\"] }";
+
+/// A dataset of two scenes with two views, in BOP's format and as lines.
+fn recorded(folder: &Path) -> PathBuf {
+    let out = folder.join("recorded");
+    small_dataset(&out, &[BOP, LINES, INFO, VISIBILITY]);
+    out
+}
+
+/// A recipe that rebuilds a dataset on other tables. Returns the folder of its dataset.
+fn rebuild(folder: &Path, name: &str, [scenes, views]: [u32; 2], step: &str) -> PathBuf {
+    let out = folder.join(name);
+    made(&mut command(folder, name, [scenes, views], step));
+    out
+}
+
+fn command(folder: &Path, name: &str, [scenes, views]: [u32; 2], step: &str) -> std::process::Command {
+    let text = format!(
+        "extends = \"builtin:quickstart\"\nremove = [\"settle\", \"camera\", \"views\"]\n\
+         [dataset]\nname = \"{name}\"\nscenes = {scenes}\nviews_per_scene = {views}\n\
+         [[place]]\nkind = \"room\"\nsize_m = 5\n[[place]]\nkind = \"table\"\nfrom = \"tables\"\n\
+         [[place]]\nkind = \"recorded\"\nid = \"recorded\"\nfrom = \"objects\"\n{step}\n\
+         [settle]\nkind = \"none\"\n[views]\nkind = \"recorded\"\n[camera]\nkind = \"recorded\"\n"
+    );
+    let recipe = folder.join(format!("{name}.toml"));
+    std::fs::write(&recipe, text).expect("written");
+    let mut run = syntable();
+    run.arg("run").arg(recipe).arg("--out").arg(folder.join(name));
+    for set in ["render.samples_per_pixel=1", "denoise.kind=\"none\"", BOP, LINES, INFO, VISIBILITY] {
+        run.args(["--set", set]);
+    }
+    run
+}
+
+/// The masks of whole objects, by scene, image and object. Scenes are counted through as images if `by_image`.
+fn masks(dataset: &Path, by_image: bool) -> BTreeMap<String, Vec<u8>> {
+    let place = |name: &str| -> Option<String> {
+        let (scene, rest) = name.strip_prefix("bop/train_pbr/")?.split_once("/mask/")?;
+        let (view, object) = rest.split_once('_')?;
+        let [scene, view]: [u32; 2] = [scene, view].map(|number| number.parse().expect("a number"));
+        Some(if by_image { format!("{scene} {object}") } else { format!("{} {object}", 2 * scene + view) })
+    };
+    files(dataset).into_iter().filter_map(|(name, bytes)| Some((place(&name)?, bytes))).collect()
+}
+
+/// The lines of a dataset.
+fn lines(dataset: &Path) -> Vec<Value> {
+    let text = std::fs::read_to_string(dataset.join("lines.jsonl")).expect("written");
+    text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+}
+
+/// Poses of the objects of the first view in the world.
+fn world(dataset: &Path) -> Vec<f64> {
+    let first = &lines(dataset)[0];
+    let numbers = |object: &Value| -> Vec<f64> {
+        let rows = object["world_from_object"].as_array().expect("rows");
+        rows.iter().flat_map(|row| row.as_array().expect("a row")).map(|x| x.as_f64().expect("a number")).collect()
+    };
+    let objects = first["object_info"].as_object().expect("objects");
+    objects.values().flat_map(numbers).collect()
+}
+
+/// The same masks prove poses, sizes and lenses at once. The table is another one, in another place.
+#[test]
+fn a_rebuilt_scene_has_the_recorded_masks() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = recorded(folder.path());
+    let want = masks(&source, false);
+    assert!(want.len() > 20 && want.values().collect::<std::collections::BTreeSet<_>>().len() > 20);
+    let (bop, jsonl) = (source.join("bop/train_pbr"), source.join("lines.jsonl"));
+    for (name, dataset, per, views) in
+        [("scenes", &bop, "scene", 2), ("images", &bop, "image", 1), ("lines", &jsonl, "scene", 2)]
+    {
+        let step = format!("dataset = {dataset:?}\nper = \"{per}\"\nyaw_deg = 40");
+        let rebuilt = rebuild(folder.path(), name, [4 / views, views], &step);
+        assert!(masks(&rebuilt, per == "image") == want, "{name}");
+        let (own, other) = (world(&source), world(&rebuilt));
+        assert!(own.iter().zip(&other).any(|(a, b)| (a - b).abs() > 0.05), "{name}: another place");
+    }
+    // The frame of the world keeps the poses themselves.
+    let step = format!("dataset = {jsonl:?}\nframe = \"world\"");
+    let rebuilt = rebuild(folder.path(), "world", [2, 2], &step);
+    assert!(masks(&rebuilt, false) == want);
+    let apart = world(&source).iter().zip(&world(&rebuilt)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(apart < 1e-9, "{apart}");
+}
+
+#[test]
+fn swapped_objects_stand_where_the_recorded_ones_were() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = recorded(folder.path());
+    let step = format!(
+        "dataset = {:?}\nframe = \"z_up\"\nswap = {{ from = \"objects\", probability = 0.6 }}",
+        source.join("lines.jsonl")
+    );
+    let swapped = rebuild(folder.path(), "swapped", [1, 1], &step);
+    let [own, other] = [&source, &swapped].map(|dataset| lines(dataset)[0]["object_info"].clone());
+    let assets = |of: &Value| -> Vec<String> {
+        of.as_object().expect("objects").values().map(|it| it["asset"].to_string()).collect()
+    };
+    let (own, other) = (assets(&own), assets(&other));
+    assert_eq!(own.len(), other.len());
+    let changed = own.iter().zip(&other).filter(|(a, b)| a != b).count();
+    assert!((1..own.len()).contains(&changed), "{changed} of {}", own.len());
+}
+
+#[test]
+fn what_cannot_be_rebuilt_is_refused_with_a_way_out() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = recorded(folder.path());
+    let jsonl = source.join("lines.jsonl");
+    let run = |name: &str, scenes_views, step: &str, more: &[&str]| {
+        let mut run = command(folder.path(), name, scenes_views, step);
+        for set in more {
+            run.args(["--set", set]);
+        }
+        fails(&mut run, 1)
+    };
+    let of = |path: &Path| format!("dataset = {path:?}");
+    let said = run("views", [1, 3], &of(&jsonl), &[]);
+    assert!(said.contains("view 2 has no camera: the recorded scene has 2 images, from 0"), "{said}");
+    assert!(said.contains("lower `views_per_scene`"), "{said}");
+    let said = run("missing", [1, 2], &of(&jsonl), &["assets.objects.seed=1", "assets.objects.families=[\"wrench\"]"]);
+    assert!(said.contains("is in none of `objects`") && said.contains("missing = \"leave_out\""), "{said}");
+    // A box that is elsewhere in the second image.
+    let mut moved = lines(&source);
+    let object = moved[1]["object_info"].as_object_mut().expect("objects").values_mut().next().expect("an object");
+    object["camera_from_object"][0][3] = Value::from(0.5);
+    let text: String = moved.iter().map(|line| format!("{line}\n")).collect();
+    let other = folder.path().join("moved.jsonl");
+    std::fs::write(&other, text).expect("written");
+    let said = run("moved", [1, 2], &of(&other), &[]);
+    assert!(said.contains("from its place in an earlier image") && said.contains("per = \"image\""), "{said}");
+    let said = run("scenes", [1, 2], &format!("{}\nscenes = [7]", of(&jsonl)), &[]);
+    assert!(said.contains("`scenes` names scene 7") && said.contains("its scenes begin with 0, 1"), "{said}");
+    let labels = folder.path().join("coco.json");
+    std::fs::write(&labels, r#"{"images":[],"annotations":[],"categories":[]}"#).expect("written");
+    let said = run("coco", [1, 2], &of(&labels), &[]);
+    assert!(said.contains("the dataset has no `camera`"), "{said}");
+}
