@@ -1,4 +1,4 @@
-//! `procedural_materials`: tileable surface materials of 20 families.
+//! `procedural_materials`: tileable surface materials of 28 families.
 
 use crate::material::{LICENSE, MaterialFamily, Surface};
 use crate::variants::{check_families, parse_name, variant_catalog};

@@ -92,10 +92,19 @@ fn clearcoat_and_sheen_are_where_they_belong() {
         let fibrous = baked.iter().filter(|material| material.sheen.is_some()).count();
         match family {
             MaterialFamily::Ceramic | MaterialFamily::Lacquer => assert_eq!((coated, fibrous), (24, 0), "{family:?}"),
-            MaterialFamily::Timber | MaterialFamily::Wood | MaterialFamily::Leather => {
+            MaterialFamily::Timber
+            | MaterialFamily::Wood
+            | MaterialFamily::Leather
+            | MaterialFamily::StitchedLeather => {
                 assert!((1..24).contains(&coated) && fibrous == 0, "{family:?}: {coated}");
             }
-            MaterialFamily::Fabric | MaterialFamily::Carpet | MaterialFamily::Velvet => {
+            MaterialFamily::Fabric
+            | MaterialFamily::Carpet
+            | MaterialFamily::Velvet
+            | MaterialFamily::Knit
+            | MaterialFamily::Quilt
+            | MaterialFamily::Tablecloth
+            | MaterialFamily::Upholstery => {
                 assert_eq!((coated, fibrous), (0, 24), "{family:?}");
                 for sheen in baked.iter().filter_map(|material| material.sheen.as_ref()) {
                     assert!(sheen.color.factor.iter().all(|x| (0.0..=1.0).contains(x)), "{sheen:?}");

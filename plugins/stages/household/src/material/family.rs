@@ -1,7 +1,7 @@
 //! The families of procedural surfaces.
 
 use super::layers::{add_clearcoat, add_sheen};
-use super::{Bake, built, made, natural, woven};
+use super::{Bake, built, made, natural, textile, worktop, woven};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::random::Stream;
@@ -23,12 +23,18 @@ pub enum MaterialFamily {
     Ceramic,
     /// Concrete with pits and stains.
     Concrete,
+    /// Pressed granules of cork.
+    Cork,
     /// Woven cloth: plain, twill or basket weave, with stripes or checks.
     Fabric,
     /// Granite grains.
     Granite,
+    /// Knitwear: plain, ribbed, striped or with a jacquard.
+    Knit,
     /// Paint under clear lacquer, as on cars and furniture; plain or with metallic flakes.
     Lacquer,
+    /// Laminate panels with joints: plain, speckled or printed with wood.
+    Laminate,
     /// Grained leather.
     Leather,
     /// Marble with veins.
@@ -43,14 +49,24 @@ pub enum MaterialFamily {
     Plaster,
     /// Plastic, smooth or finely grained.
     Plastic,
+    /// Quilted cloth with stitched seams.
+    Quilt,
+    /// Leather panels with double seams.
+    StitchedLeather,
+    /// Table linen with checks, stripes, dots or flowers.
+    Tablecloth,
     /// Tiles with grout.
     Tiles,
     /// One piece of wood, as in furniture.
     Timber,
+    /// Cushions of woven cloth with piped seams.
+    Upholstery,
     /// Velvet with a brushed pile.
     Velvet,
     /// Floor boards.
     Wood,
+    /// A used worktop of wood or composite with scratches and stains.
+    Worktop,
 }
 
 /// A surface of a scene, which selects families of suitable materials.
@@ -80,32 +96,43 @@ impl MaterialFamily {
             Self::BrushedMetal | Self::Lacquer | Self::Metal | Self::Timber => &[Table, Object],
             Self::Carpet => &[Floor],
             Self::Concrete => &[Floor, Wall, Ceiling, Ground],
+            Self::Cork => &[Floor, Wall, Object],
             Self::Granite => &[Floor, Ground, Table],
+            Self::Laminate => &[Floor, Table, Object],
             Self::Marble => &[Floor, Table],
             Self::PaintedWall | Self::Plaster => &[Wall, Ceiling],
+            Self::Tablecloth => &[Table, Object],
             Self::Tiles => &[Floor, Wall, Ground],
             Self::Wood => &[Floor, Ground],
+            Self::Worktop => &[Table],
             Self::Cardboard
             | Self::Ceramic
             | Self::Fabric
+            | Self::Knit
             | Self::Leather
             | Self::Paper
             | Self::Plastic
+            | Self::Quilt
+            | Self::StitchedLeather
+            | Self::Upholstery
             | Self::Velvet => &[Object],
         }
     }
 
     /// All families, sorted by name.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 28] = [
         Self::Brick,
         Self::BrushedMetal,
         Self::Cardboard,
         Self::Carpet,
         Self::Ceramic,
         Self::Concrete,
+        Self::Cork,
         Self::Fabric,
         Self::Granite,
+        Self::Knit,
         Self::Lacquer,
+        Self::Laminate,
         Self::Leather,
         Self::Marble,
         Self::Metal,
@@ -113,10 +140,15 @@ impl MaterialFamily {
         Self::Paper,
         Self::Plaster,
         Self::Plastic,
+        Self::Quilt,
+        Self::StitchedLeather,
+        Self::Tablecloth,
         Self::Tiles,
         Self::Timber,
+        Self::Upholstery,
         Self::Velvet,
         Self::Wood,
+        Self::Worktop,
     ];
 
     /// Name of the family in recipes.
@@ -128,9 +160,12 @@ impl MaterialFamily {
             Self::Carpet => "carpet",
             Self::Ceramic => "ceramic",
             Self::Concrete => "concrete",
+            Self::Cork => "cork",
             Self::Fabric => "fabric",
             Self::Granite => "granite",
+            Self::Knit => "knit",
             Self::Lacquer => "lacquer",
+            Self::Laminate => "laminate",
             Self::Leather => "leather",
             Self::Marble => "marble",
             Self::Metal => "metal",
@@ -138,10 +173,15 @@ impl MaterialFamily {
             Self::Paper => "paper",
             Self::Plaster => "plaster",
             Self::Plastic => "plastic",
+            Self::Quilt => "quilt",
+            Self::StitchedLeather => "stitched_leather",
+            Self::Tablecloth => "tablecloth",
             Self::Tiles => "tiles",
             Self::Timber => "timber",
+            Self::Upholstery => "upholstery",
             Self::Velvet => "velvet",
             Self::Wood => "wood",
+            Self::Worktop => "worktop",
         }
     }
 
@@ -154,9 +194,12 @@ impl MaterialFamily {
             Self::Carpet => woven::carpet,
             Self::Ceramic => made::ceramic,
             Self::Concrete => built::concrete,
+            Self::Cork => worktop::cork,
             Self::Fabric => woven::fabric,
             Self::Granite => natural::granite,
+            Self::Knit => textile::knit,
             Self::Lacquer => made::lacquer,
+            Self::Laminate => worktop::laminate,
             Self::Leather => natural::leather,
             Self::Marble => natural::marble,
             Self::Metal => made::metal,
@@ -164,10 +207,15 @@ impl MaterialFamily {
             Self::Paper => made::paper,
             Self::Plaster => built::plaster,
             Self::Plastic => made::plastic,
+            Self::Quilt => textile::quilt,
+            Self::StitchedLeather => worktop::stitched_leather,
+            Self::Tablecloth => textile::tablecloth,
             Self::Tiles => built::tiles,
             Self::Timber => natural::timber,
+            Self::Upholstery => textile::upholstery,
             Self::Velvet => woven::velvet,
             Self::Wood => natural::boards,
+            Self::Worktop => worktop::worktop,
         };
         let mut material = bake(&mut stream.clone(), size).material(name);
         add_layers(self, &mut material, &mut stream.child("coat"));
@@ -183,8 +231,14 @@ fn add_layers(family: MaterialFamily, material: &mut Material, stream: &mut Stre
         MaterialFamily::Wood if stream.chance(0.35) => add_clearcoat(material, stream.uniform(0.08, 0.35), true),
         MaterialFamily::Ceramic => add_clearcoat(material, stream.uniform(0.02, 0.12), true),
         MaterialFamily::Lacquer => add_clearcoat(material, stream.uniform(0.02, 0.08), false),
-        MaterialFamily::Leather if stream.chance(0.2) => add_clearcoat(material, stream.uniform(0.08, 0.25), true),
-        MaterialFamily::Fabric => {
+        MaterialFamily::Leather | MaterialFamily::StitchedLeather if stream.chance(0.2) => {
+            add_clearcoat(material, stream.uniform(0.08, 0.25), true)
+        }
+        MaterialFamily::Fabric
+        | MaterialFamily::Knit
+        | MaterialFamily::Quilt
+        | MaterialFamily::Tablecloth
+        | MaterialFamily::Upholstery => {
             add_sheen(material, stream.uniform(0.15, 0.5), stream.uniform(0.3, 0.8), stream.uniform(0.35, 0.7));
         }
         MaterialFamily::Carpet => {

@@ -18,6 +18,8 @@ mod lettering;
 mod made;
 mod natural;
 mod print;
+mod textile;
+mod worktop;
 mod woven;
 
 pub use cache::MaterialCache;
