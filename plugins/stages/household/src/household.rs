@@ -1,4 +1,4 @@
-//! `household`: everyday objects of 26 families.
+//! `household`: everyday objects of 32 families.
 
 use crate::family::{HouseholdModel, ObjectFamily};
 use crate::material::{LICENSE, MaterialCache};
@@ -75,7 +75,7 @@ impl AssetSource for HouseholdSource {
         let (family, variant) =
             parse_name(name, &self.config.families, |family| family.name(), self.config.variants_per_family)?;
         let stream = Stream::root(self.config.seed).child("household").child(family.name()).at(u64::from(variant));
-        let model = family.model(&stream, &self.materials);
+        let model = family.model(&stream, &self.materials, &[]);
         object(name, family.name(), model).map(Asset::from)
     }
 }

@@ -139,8 +139,9 @@ fn assert_covered(object: &Object, tolerance: f64, max_parts: usize) {
 /// A family; longest and shortest edge of its bounding boxes, meters; mass, kilograms.
 type Limits = (&'static str, [f64; 2], [f64; 2], [f64; 2]);
 
-const LIMITS: [Limits; 26] = [
+const LIMITS: [Limits; 32] = [
     ("apple", [0.05, 0.1], [0.05, 0.1], [0.08, 0.3]),
+    ("bag", [0.2, 0.6], [0.04, 0.2], [0.015, 0.12]),
     ("ball", [0.03, 0.14], [0.03, 0.14], [0.002, 0.2]),
     ("banana", [0.12, 0.22], [0.02, 0.04], [0.06, 0.25]),
     ("block", [0.025, 0.14], [0.008, 0.05], [0.005, 0.2]),
@@ -149,21 +150,26 @@ const LIMITS: [Limits; 26] = [
     ("bowl", [0.11, 0.2], [0.03, 0.09], [0.1, 0.9]),
     ("box", [0.06, 0.32], [0.02, 0.12], [0.01, 2.0]),
     ("can", [0.07, 0.17], [0.03, 0.11], [0.1, 0.9]),
+    ("carton", [0.14, 0.34], [0.055, 0.105], [0.02, 1.1]),
     ("cup", [0.06, 0.16], [0.06, 0.1], [0.015, 0.6]),
     ("fork", [0.15, 0.22], [0.005, 0.025], [0.015, 0.07]),
     ("glass", [0.075, 0.22], [0.055, 0.11], [0.03, 0.4]),
     ("hammer", [0.23, 0.35], [0.02, 0.035], [0.25, 0.9]),
     ("jar", [0.06, 0.16], [0.05, 0.1], [0.2, 1.4]),
     ("knife", [0.17, 0.24], [0.003, 0.008], [0.025, 0.1]),
+    ("magazine", [0.2, 0.34], [0.002, 0.035], [0.05, 0.6]),
     ("marker", [0.11, 0.15], [0.011, 0.02], [0.007, 0.04]),
     ("mug", [0.09, 0.15], [0.07, 0.12], [0.15, 0.5]),
+    ("open_box", [0.2, 0.75], [0.08, 0.45], [0.04, 0.8]),
     ("pan", [0.28, 0.47], [0.03, 0.09], [0.3, 1.6]),
     ("plate", [0.16, 0.29], [0.014, 0.035], [0.2, 1.1]),
+    ("pouch", [0.09, 0.32], [0.02, 0.1], [0.02, 1.6]),
     ("remote", [0.12, 0.22], [0.014, 0.025], [0.04, 0.2]),
     ("screwdriver", [0.14, 0.27], [0.02, 0.036], [0.03, 0.2]),
     ("sponge", [0.08, 0.12], [0.02, 0.045], [0.008, 0.06]),
     ("spoon", [0.13, 0.22], [0.007, 0.03], [0.015, 0.08]),
     ("tape", [0.06, 0.12], [0.01, 0.06], [0.01, 0.4]),
+    ("towel", [0.13, 0.36], [0.012, 0.14], [0.005, 0.5]),
     ("tube", [0.11, 0.22], [0.02, 0.045], [0.02, 0.25]),
     ("wrench", [0.11, 0.22], [0.004, 0.008], [0.03, 0.25]),
 ];
@@ -171,7 +177,7 @@ const LIMITS: [Limits; 26] = [
 #[test]
 fn household_objects_are_sound_and_real() {
     let objects = all("household", "variants_per_family = 12");
-    assert_eq!(objects.len(), 26 * 12);
+    assert_eq!(objects.len(), 32 * 12);
     for object in &objects {
         assert_sound(object);
         let triangles = object.mesh.data().triangles.len();
@@ -279,6 +285,16 @@ fn hollows_stay_hollow() {
                     assert!(distance_to_hull(part, p) > 1e-4, "{}: {p} inside of a part", object.name);
                 }
             }
+        }
+    }
+    for object in all("household", "families = [\"bag\", \"open_box\"]\nvariants_per_family = 6") {
+        let parts = object.collision.as_ref().expect("exact parts");
+        // Half way up a bag, and up the walls of a box; the cords and the flaps lie higher.
+        let low = object.mesh.bounds().min.z;
+        for (dx, dy, height) in [(0.0, 0.0, 0.05), (0.02, 0.01, 0.05), (-0.03, -0.01, 0.03)] {
+            let p = Point3::new(dx, dy, low + height);
+            let free = parts.iter().map(|part| distance_to_hull(part, p)).fold(f64::INFINITY, f64::min);
+            assert!(free > 1e-3, "{}: {p} inside of a part", object.name);
         }
     }
     // The gap between a mug's body and its handle is free, too.
@@ -459,6 +475,38 @@ fn textures_are_shared() {
         |object: &Object| object.materials[1].base_color.texture.as_ref().map(|t| std::sync::Arc::as_ptr(&t.texture));
     let kinds: BTreeSet<_> = tapes.iter().map(texture).collect();
     assert!((2..=6).contains(&kinds.len()), "{} textures of cardboard for 40 rolls", kinds.len());
+}
+
+#[test]
+fn prints_are_fine_but_small() {
+    let families =
+        "families = [\"bag\", \"book\", \"box\", \"can\", \"carton\", \"jar\", \"magazine\", \"open_box\", \"pouch\"]";
+    let mut foils = 0;
+    for object in all("household", &format!("{families}\nvariants_per_family = 8")) {
+        let textures: BTreeMap<_, usize> = object
+            .materials
+            .iter()
+            .flat_map(|material| material.textures().map(|used| (used.texture.digest, used.texture.texels.len())))
+            .collect();
+        let bytes: usize = textures.values().sum();
+        assert!(bytes < 4_300_000, "{}: {bytes} bytes of textures", object.name);
+        let print = &object.materials[0];
+        let color = &print.base_color.texture.as_ref().expect("a print").texture;
+        assert!(color.width.max(color.height) >= 300, "{}: {} x {}", object.name, color.width, color.height);
+        // Roughness varies with the ink, and relief is more than a plane.
+        let (roughness, channel) = print.roughness.texture.as_ref().expect("a texture");
+        let values: BTreeSet<u8> =
+            roughness.texture.texels.iter().skip(usize::from(*channel)).step_by(4).copied().collect();
+        assert!(values.len() > 8, "{}: {} values of roughness", object.name, values.len());
+        let relief = &print.normal.as_ref().expect("relief").map.texture;
+        assert!(relief.texels.chunks(4).any(|texel| texel[0].abs_diff(128) > 8), "{} is flat", object.name);
+        if let Some((foil, channel)) = &print.metallic.texture {
+            foils += 1;
+            let metal = foil.texture.texels.iter().skip(usize::from(*channel)).step_by(4).filter(|x| **x > 200).count();
+            assert!(metal > 20, "{}: {metal} texels of foil", object.name);
+        }
+    }
+    assert!(foils >= 8, "{foils}: drink cans, dark designs and foil are metallic");
 }
 
 #[test]

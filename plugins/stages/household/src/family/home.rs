@@ -14,7 +14,7 @@ pub fn book(draw: &mut FamilyContext) -> HouseholdModel {
     let thick = draw.uniform(0.012, 0.045);
     let hard = draw.form.chance(0.5);
     let (board, lip) = if hard { (0.0026, 0.0035) } else { (0.0009, 0.0004) };
-    let (texture, [front, spine, back]) = book_print(&mut draw.appearance, [width, height, thick]);
+    let (print, [front, spine, back]) = book_print(&mut draw.appearance, [width, height, thick], draw.photographs);
     // The edges of a cover show a strip of its print.
     let strip = |[u0, v0, u1, v1]: [f64; 4]| [u0 + 0.01 * (u1 - u0), v0, u0 + 0.02 * (u1 - u0), v1];
     let cover = |z: f64, show: usize, print: [f64; 4]| {
@@ -40,7 +40,7 @@ pub fn book(draw: &mut FamilyContext) -> HouseholdModel {
     let mass = width * height * thick * density::PAPER * draw.uniform(0.85, 1.1);
     let page = draw.materials.get(MaterialFamily::Cardboard, 6);
     let paper = SurfaceFinish::plain(hsv(0.12, draw.appearance.uniform(0.04, 0.16), 0.88), 0.9, 0.0).detailed(&page);
-    let materials = vec![draw.printed(texture, [0.25, 0.6]), Arc::new(paper.named("pages"))];
+    let materials = vec![draw.sheet(&print), Arc::new(paper.named("pages"))];
     HouseholdModel::new(shape, materials, mass).friction(0.4)
 }
 

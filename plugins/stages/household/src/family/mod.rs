@@ -1,6 +1,9 @@
 //! The families of household objects: one function per family, from random streams to a solid with materials and mass.
 
+mod bags;
 mod cutlery;
+mod flat;
+mod folded;
 mod food;
 mod glass;
 mod home;
@@ -8,7 +11,7 @@ mod packaging;
 mod tools;
 mod vessel;
 
-use crate::material::{MaterialCache, MaterialFamily, SrgbColor, SurfaceFinish, hsv};
+use crate::material::{MaterialCache, MaterialFamily, Photograph, PrintedSheet, SrgbColor, SurfaceFinish, hsv};
 use crate::shape::SolidShape;
 
 use schemars::JsonSchema;
@@ -23,6 +26,8 @@ use syntable_model::scene::{Material, Texture};
 pub enum ObjectFamily {
     /// Apples.
     Apple,
+    /// Carrier bags of paper or film, standing, crumpled.
+    Bag,
     /// Play balls.
     Ball,
     /// Bananas.
@@ -39,6 +44,8 @@ pub enum ObjectFamily {
     Box,
     /// Tins and drink cans.
     Can,
+    /// Drink cartons with a gable top.
+    Carton,
     /// Cups without a handle.
     Cup,
     /// Table forks.
@@ -51,14 +58,20 @@ pub enum ObjectFamily {
     Jar,
     /// Table knives.
     Knife,
+    /// Magazines, lying.
+    Magazine,
     /// Felt-tip markers.
     Marker,
     /// Mugs with a handle.
     Mug,
+    /// Cardboard boxes with open flaps.
+    OpenBox,
     /// Frying pans.
     Pan,
     /// Plates.
     Plate,
+    /// Pouches of film with sealed ends, standing or pillow-shaped.
+    Pouch,
     /// Remote controls.
     Remote,
     /// Screwdrivers.
@@ -69,6 +82,8 @@ pub enum ObjectFamily {
     Spoon,
     /// Rolls of adhesive tape.
     Tape,
+    /// Towels and cloths, folded or crumpled.
+    Towel,
     /// Tubes of paste or cream.
     Tube,
     /// Open-end wrenches.
@@ -77,8 +92,9 @@ pub enum ObjectFamily {
 
 impl ObjectFamily {
     /// All families, sorted by name.
-    pub const ALL: [Self; 26] = [
+    pub const ALL: [Self; 32] = [
         Self::Apple,
+        Self::Bag,
         Self::Ball,
         Self::Banana,
         Self::Block,
@@ -87,21 +103,26 @@ impl ObjectFamily {
         Self::Bowl,
         Self::Box,
         Self::Can,
+        Self::Carton,
         Self::Cup,
         Self::Fork,
         Self::Glass,
         Self::Hammer,
         Self::Jar,
         Self::Knife,
+        Self::Magazine,
         Self::Marker,
         Self::Mug,
+        Self::OpenBox,
         Self::Pan,
         Self::Plate,
+        Self::Pouch,
         Self::Remote,
         Self::Screwdriver,
         Self::Sponge,
         Self::Spoon,
         Self::Tape,
+        Self::Towel,
         Self::Tube,
         Self::Wrench,
     ];
@@ -110,6 +131,7 @@ impl ObjectFamily {
     pub fn name(self) -> &'static str {
         match self {
             Self::Apple => "apple",
+            Self::Bag => "bag",
             Self::Ball => "ball",
             Self::Banana => "banana",
             Self::Block => "block",
@@ -118,31 +140,38 @@ impl ObjectFamily {
             Self::Bowl => "bowl",
             Self::Box => "box",
             Self::Can => "can",
+            Self::Carton => "carton",
             Self::Cup => "cup",
             Self::Fork => "fork",
             Self::Glass => "glass",
             Self::Hammer => "hammer",
             Self::Jar => "jar",
             Self::Knife => "knife",
+            Self::Magazine => "magazine",
             Self::Marker => "marker",
             Self::Mug => "mug",
+            Self::OpenBox => "open_box",
             Self::Pan => "pan",
             Self::Plate => "plate",
+            Self::Pouch => "pouch",
             Self::Remote => "remote",
             Self::Screwdriver => "screwdriver",
             Self::Sponge => "sponge",
             Self::Spoon => "spoon",
             Self::Tape => "tape",
+            Self::Towel => "towel",
             Self::Tube => "tube",
             Self::Wrench => "wrench",
         }
     }
 
-    /// Models one variant.
-    pub fn model(self, stream: &Stream, materials: &MaterialCache) -> HouseholdModel {
-        let draw = &mut FamilyContext { form: stream.child("form"), appearance: stream.child("paint"), materials };
+    /// Models one variant. Prints show crops of the photographs, or illustrations without any.
+    pub fn model(self, stream: &Stream, materials: &MaterialCache, photographs: &[Photograph]) -> HouseholdModel {
+        let (form, appearance) = (stream.child("form"), stream.child("paint"));
+        let draw = &mut FamilyContext { form, appearance, materials, photographs };
         match self {
             Self::Apple => food::apple(draw),
+            Self::Bag => bags::carrier_bag(draw),
             Self::Ball => home::ball(draw),
             Self::Banana => food::banana(draw),
             Self::Block => home::block(draw),
@@ -151,21 +180,26 @@ impl ObjectFamily {
             Self::Bowl => vessel::bowl(draw),
             Self::Box => packaging::carton(draw),
             Self::Can => packaging::can(draw),
+            Self::Carton => folded::drink_carton(draw),
             Self::Cup => vessel::cup(draw),
             Self::Fork => cutlery::fork(draw),
             Self::Glass => glass::drinking_glass(draw),
             Self::Hammer => tools::hammer(draw),
             Self::Jar => packaging::jar(draw),
             Self::Knife => cutlery::knife(draw),
+            Self::Magazine => flat::magazine(draw),
             Self::Marker => tools::marker(draw),
             Self::Mug => vessel::mug(draw),
+            Self::OpenBox => folded::open_box(draw),
             Self::Pan => vessel::pan(draw),
             Self::Plate => vessel::plate(draw),
+            Self::Pouch => bags::pouch(draw),
             Self::Remote => home::remote(draw),
             Self::Screwdriver => tools::screwdriver(draw),
             Self::Sponge => home::sponge(draw),
             Self::Spoon => cutlery::spoon(draw),
             Self::Tape => tools::tape(draw),
+            Self::Towel => flat::towel(draw),
             Self::Tube => packaging::tube(draw),
             Self::Wrench => tools::wrench(draw),
         }
@@ -203,6 +237,7 @@ struct FamilyContext<'a> {
     /// Colors and prints.
     appearance: Stream,
     materials: &'a MaterialCache,
+    photographs: &'a [Photograph],
 }
 
 impl FamilyContext<'_> {
@@ -236,6 +271,12 @@ impl FamilyContext<'_> {
 
     fn printed(&mut self, texture: Arc<Texture>, gloss: [f64; 2]) -> Arc<Material> {
         Arc::new(SurfaceFinish::printed(texture, self.appearance.uniform(gloss[0], gloss[1])).named("print"))
+    }
+
+    /// A print with its own relief; a third of them are varnished.
+    fn sheet(&mut self, sheet: &PrintedSheet) -> Arc<Material> {
+        let coat = self.appearance.chance(0.33).then(|| self.appearance.uniform(0.06, 0.25));
+        Arc::new(sheet.material("print", coat))
     }
 
     fn plain(&mut self, name: &str, color: SrgbColor, roughness: f64) -> Arc<Material> {

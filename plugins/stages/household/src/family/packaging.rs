@@ -2,7 +2,7 @@
 
 use super::glass::clear_solid;
 use super::{FamilyContext, HouseholdModel};
-use crate::material::{carton as carton_print, hsv, label, mix, shade, vivid};
+use crate::material::{LabelKind, carton as carton_print, hsv, label, mix, shade, vivid};
 use crate::shape::{Lathe, Profile, SlotMapping, loft, rounded_box};
 use nalgebra::Point3;
 use std::f64::consts::TAU;
@@ -27,10 +27,10 @@ pub fn carton(draw: &mut FamilyContext) -> HouseholdModel {
     let usual = *draw.form.pick(&CARTONS).unwrap_or(&CARTONS[0]);
     let size = usual.map(|edge| edge * draw.uniform(0.85, 1.12));
     let edge = draw.uniform(0.0012, 0.0025);
-    let (texture, rects) = carton_print(&mut draw.appearance, size);
+    let (print, rects) = carton_print(&mut draw.appearance, size, draw.photographs);
     let shape = rounded_box(size, edge, 2, |side| SlotMapping::fit(side as u16)).in_atlas(&rects);
     let mass = size.iter().product::<f64>() * draw.uniform(160.0, 420.0);
-    let material = draw.printed(texture, [0.3, 0.6]);
+    let material = draw.sheet(&print);
     HouseholdModel::new(shape, vec![material], mass).friction(0.45)
 }
 
@@ -64,8 +64,10 @@ pub fn can(draw: &mut FamilyContext) -> HouseholdModel {
         .to(neck * r - 1.2 * rim, h - dip, END)
         .to(0.0, h - dip, END);
     let shape = Lathe::new(&outline).segments(48).solid();
-    let texture = label(&mut draw.appearance, TAU * r / (h - 2.0 * shoulder));
-    let materials = vec![draw.printed(texture, [0.12, 0.45]), draw.metal()];
+    let label_kind = if neck < 1.0 && draw.appearance.chance(0.8) { LabelKind::Metal } else { LabelKind::Tin };
+    let extents = [TAU * r, h - 2.0 * shoulder];
+    let print = label(&mut draw.appearance, label_kind, extents, draw.photographs);
+    let materials = vec![draw.sheet(&print), draw.metal()];
     let mass = shape.volume() * draw.uniform(820.0, 1120.0);
     HouseholdModel::new(shape, materials, mass).friction(0.35)
 }
@@ -100,10 +102,10 @@ pub fn bottle(draw: &mut FamilyContext) -> HouseholdModel {
     } else {
         vivid(&mut draw.appearance)
     };
-    let texture = label(&mut draw.appearance, TAU * r / (high - low));
+    let print = label(&mut draw.appearance, LabelKind::Glued, [TAU * r, high - low], draw.photographs);
     let cap_color = vivid(&mut draw.appearance);
     let gloss = draw.appearance.uniform(0.06, 0.35);
-    let print = draw.printed(texture, [0.2, 0.5]);
+    let print = draw.sheet(&print);
     let mut filling = draw.appearance.child("glass");
     let body = if filling.chance(0.3) {
         // Glass and drink bend light nearly alike: a full bottle is as good as solid.
@@ -138,12 +140,13 @@ pub fn jar(draw: &mut FamilyContext) -> HouseholdModel {
         .to(0.92 * mouth, h - 0.001, CAP)
         .to(0.0, h - 0.001, CAP);
     let shape = Lathe::new(&outline).segments(48).banded(&[[0.0, h - lid], [h - lid, h]]);
-    let texture = label(&mut draw.appearance, TAU * r / (0.85 * shoulder - 0.12 * h));
+    let extents = [TAU * r, 0.85 * shoulder - 0.12 * h];
+    let print = label(&mut draw.appearance, LabelKind::Glued, extents, draw.photographs);
     let content =
         hsv(draw.appearance.uniform(0.0, 0.18), draw.appearance.uniform(0.4, 0.9), draw.appearance.uniform(0.25, 0.8));
     let lid_color = vivid(&mut draw.appearance);
     let lid_material = if draw.appearance.chance(0.5) { draw.metal() } else { draw.plain("lid", lid_color, 0.3) };
-    let materials = vec![draw.printed(texture, [0.25, 0.55]), draw.plain("glass", content, 0.05), lid_material];
+    let materials = vec![draw.sheet(&print), draw.plain("glass", content, 0.05), lid_material];
     let mass = shape.volume() * draw.uniform(950.0, 1350.0);
     HouseholdModel::new(shape, materials, mass).friction(0.35)
 }
@@ -177,12 +180,9 @@ pub fn tube(draw: &mut FamilyContext) -> HouseholdModel {
     };
     let shape = body.dense(draw.uniform(700.0, 1150.0)).and(cap);
     let mass = shape.moments().total;
-    let texture = label(&mut draw.appearance, TAU * r / length);
+    let print = label(&mut draw.appearance, LabelKind::Glued, [TAU * r, length], draw.photographs);
     let cap_color = vivid(&mut draw.appearance);
-    let materials = vec![
-        draw.printed(texture, [0.2, 0.5]),
-        draw.plain("seam", shade(cap_color, 0.8), 0.4),
-        draw.plastic_of("cap", cap_color),
-    ];
+    let materials =
+        vec![draw.sheet(&print), draw.plain("seam", shade(cap_color, 0.8), 0.4), draw.plastic_of("cap", cap_color)];
     HouseholdModel::new(shape, materials, mass).friction(0.45)
 }

@@ -1,7 +1,7 @@
 //! Tools and stationery, lying along x.
 
 use super::{FamilyContext, HouseholdModel, density, ellipse};
-use crate::material::{MaterialFamily, hsv, shade, vivid};
+use crate::material::{LabelKind, MaterialFamily, hsv, label, shade, vivid};
 use crate::shape::{Lathe, Profile, SlotMapping, SweepPath, extrude, loft, rounded_box, sweep};
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::{PI, TAU};
@@ -202,8 +202,9 @@ pub fn marker(draw: &mut FamilyContext) -> HouseholdModel {
     let clip = clip.translated(r + 0.0008, 0.0, length - 0.52 * cap);
     let shape = Lathe::new(&outline).segments(32).solid();
     let mass = shape.volume() * draw.uniform(650.0, 950.0);
-    let texture = crate::material::label(&mut draw.appearance, TAU * r / (length - cap));
+    let extents = [TAU * r, length - cap];
+    let print = label(&mut draw.appearance, LabelKind::Glued, extents, draw.photographs);
     let color = vivid(&mut draw.appearance);
-    let materials = vec![draw.printed(texture, [0.25, 0.5]), draw.plastic_of("cap", color)];
+    let materials = vec![draw.sheet(&print), draw.plastic_of("cap", color)];
     HouseholdModel::new(shape.and(clip).rotated(1, 90.0), materials, mass).friction(0.45)
 }

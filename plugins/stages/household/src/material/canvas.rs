@@ -1,26 +1,51 @@
-//! A print: shapes drawn over each other with soft edges.
+//! An image under construction: shapes drawn over each other with soft edges, each with its finish.
 
 use super::color::SrgbColor;
-use super::{byte, lettering, texture};
+use super::{byte, texture};
 use std::sync::Arc;
-use syntable_model::random::Stream;
 use syntable_model::scene::{Encoding, Texture, Wrap};
 
-/// Distance between the left edges of two letters, and the gap between them, in heights of a letter.
-const LETTER_STEP: f32 = 0.78;
-const LETTER_GAP: f32 = 0.26;
+/// How a printed region reflects.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PrintFinish {
+    /// Perceptual roughness.
+    pub roughness: f32,
+    /// 1 for foil, 0 for all else.
+    pub metallic: f32,
+}
 
-/// An image under construction. Positions are in texels, x to the right, y down.
+impl PrintFinish {
+    /// A finish without metal.
+    pub const fn matt(roughness: f32) -> Self {
+        Self { roughness, metallic: 0.0 }
+    }
+
+    /// A metallic finish.
+    pub const fn foil(roughness: f32) -> Self {
+        Self { roughness, metallic: 1.0 }
+    }
+}
+
+/// An image under construction. Positions are in texels, x to the right, y down. Every texel has a color and a
+/// [`PrintFinish`]; drawing changes both.
 pub struct MaterialCanvas {
     width: usize,
     height: usize,
     texels: Vec<SrgbColor>,
+    finishes: Vec<PrintFinish>,
+    finish: PrintFinish,
+    clip: [f32; 4],
 }
 
+/// A clip box that admits every texel.
+const EVERYWHERE: [f32; 4] = [-1e6, -1e6, 1e6, 1e6];
+
 impl MaterialCanvas {
-    /// A canvas of one color.
+    /// A canvas of one color with roughness 0.5.
     pub fn new(width: usize, height: usize, color: SrgbColor) -> Self {
-        Self { width, height, texels: vec![color; width * height] }
+        let finish = PrintFinish::matt(0.5);
+        let count = width * height;
+        Self { width, height, texels: vec![color; count], finishes: vec![finish; count], finish, clip: EVERYWHERE }
     }
 
     /// Width and height.
@@ -28,10 +53,40 @@ impl MaterialCanvas {
         [self.width as f32, self.height as f32]
     }
 
-    /// The texture.
+    /// The texture of the colors.
     pub fn finish(self, wrap: Wrap) -> Arc<Texture> {
         let texels = self.texels.iter().flat_map(|&[r, g, b]| [byte(r), byte(g), byte(b), 255]).collect();
         texture(self.width, self.height, texels, Encoding::Srgb, wrap)
+    }
+
+    /// The texture of the colors, with the roughness in the alpha channel.
+    pub fn finish_with_roughness(&self, wrap: Wrap) -> Arc<Texture> {
+        let mut texels = Vec::with_capacity(4 * self.texels.len());
+        for (color, finish) in self.texels.iter().zip(&self.finishes) {
+            texels.extend(color.map(byte));
+            texels.push(byte(finish.roughness));
+        }
+        texture(self.width, self.height, texels, Encoding::Srgb, wrap)
+    }
+
+    /// Metallic part at a texel, which must be inside.
+    pub fn metallic(&self, x: usize, y: usize) -> f32 {
+        self.finishes[y * self.width + x].metallic
+    }
+
+    /// Whether any texel is metallic.
+    pub fn has_foil(&self) -> bool {
+        self.finishes.iter().any(|finish| finish.metallic > 0.0)
+    }
+
+    /// Sets the finish of everything that is drawn next, and returns the one before.
+    pub fn set_finish(&mut self, finish: PrintFinish) -> PrintFinish {
+        std::mem::replace(&mut self.finish, finish)
+    }
+
+    /// Keeps everything that is drawn next inside a box `[x0, y0, x1, y1]`, and returns the box before.
+    pub fn set_clip(&mut self, clip: [f32; 4]) -> [f32; 4] {
+        std::mem::replace(&mut self.clip, clip)
     }
 
     /// Replaces every texel by a function of its column, row and color.
@@ -41,20 +96,56 @@ impl MaterialCanvas {
         }
     }
 
-    /// Paints where a signed distance in texels is below zero, within the box `[x0, y0, x1, y1]`. Columns beyond the
-    /// left or right edge wrap around.
-    pub fn fill(&mut self, [x0, y0, x1, y1]: [f32; 4], color: SrgbColor, distance: impl Fn(f32, f32) -> f32) {
-        let rows = (y0.floor().max(0.0) as usize)..(y1.ceil().clamp(0.0, self.height as f32) as usize);
-        let columns = (x0.floor() as isize)..(x1.ceil() as isize);
-        for y in rows {
-            for x in columns.clone() {
-                let cover = (0.5 - distance(x as f32 + 0.5, y as f32 + 0.5)).clamp(0.0, 1.0);
+    /// Replaces color and finish of every texel by a function of its column, row, color and finish.
+    pub fn map_all(&mut self, f: impl Fn(usize, usize, SrgbColor, PrintFinish) -> (SrgbColor, PrintFinish)) {
+        for (i, (texel, finish)) in self.texels.iter_mut().zip(&mut self.finishes).enumerate() {
+            (*texel, *finish) = f(i % self.width, i / self.width, *texel, *finish);
+        }
+    }
+
+    /// Blends a color and an opacity in [0, 1], both functions of the position, within a box `[x0, y0, x1, y1]`.
+    /// Columns beyond the left or right edge wrap around.
+    pub fn blend(&mut self, bounds: [f32; 4], f: impl Fn(f32, f32) -> (SrgbColor, f32)) {
+        let [x0, y0, x1, y1] = bounds;
+        let [cx0, cy0, cx1, cy1] = self.clip;
+        let (y0, y1) = (y0.floor().max(0.0).max(cy0.round()), y1.ceil().min(self.height as f32).min(cy1.round()));
+        let (x0, x1) = (x0.floor().max(cx0.round()), x1.ceil().min(cx1.round()));
+        if !(x0 < x1 && y0 < y1) {
+            return;
+        }
+        for y in y0 as usize..y1 as usize {
+            for x in x0 as isize..x1 as isize {
+                let (color, cover) = f(x as f32 + 0.5, y as f32 + 0.5);
                 if cover > 0.0 {
-                    let texel = &mut self.texels[y * self.width + x.rem_euclid(self.width as isize) as usize];
-                    *texel = super::mix(*texel, color, cover);
+                    let i = y * self.width + x.rem_euclid(self.width as isize) as usize;
+                    self.texels[i] = super::mix(self.texels[i], color, cover);
+                    let (old, new) = (self.finishes[i], self.finish);
+                    let between = |a: f32, b: f32| a + (b - a) * cover.min(1.0);
+                    self.finishes[i] = PrintFinish {
+                        roughness: between(old.roughness, new.roughness),
+                        metallic: between(old.metallic, new.metallic),
+                    };
                 }
             }
         }
+    }
+
+    /// Paints a color, a function of the position, where a signed distance in texels is below zero.
+    pub fn paint(
+        &mut self,
+        bounds: [f32; 4],
+        distance: impl Fn(f32, f32) -> f32,
+        color: impl Fn(f32, f32) -> SrgbColor,
+    ) {
+        self.blend(bounds, |x, y| match (0.5 - distance(x, y)).clamp(0.0, 1.0) {
+            0.0 => ([0.0; 3], 0.0),
+            cover => (color(x, y), cover),
+        });
+    }
+
+    /// Paints one color where a signed distance in texels is below zero.
+    pub fn fill(&mut self, bounds: [f32; 4], color: SrgbColor, distance: impl Fn(f32, f32) -> f32) {
+        self.blend(bounds, |x, y| (color, (0.5 - distance(x, y)).clamp(0.0, 1.0)));
     }
 
     /// A rectangle `[x0, y0, x1, y1]` with rounded corners.
@@ -66,6 +157,14 @@ impl MaterialCanvas {
             let (dx, dy) = ((x - cx).abs() - hx + radius, (y - cy).abs() - hy + radius);
             libm::hypotf(dx.max(0.0), dy.max(0.0)) + dx.max(dy).min(0.0) - radius
         });
+    }
+
+    /// The outline of a rectangle, `width` wide inside its edge.
+    pub fn frame(&mut self, r: [f32; 4], width: f32, color: SrgbColor) {
+        self.rect([r[0], r[1], r[2], r[1] + width], 0.0, color);
+        self.rect([r[0], r[3] - width, r[2], r[3]], 0.0, color);
+        self.rect([r[0], r[1], r[0] + width, r[3]], 0.0, color);
+        self.rect([r[2] - width, r[1], r[2], r[3]], 0.0, color);
     }
 
     /// An ellipse.
@@ -94,13 +193,51 @@ impl MaterialCanvas {
 
     /// A line with round ends.
     pub fn line(&mut self, a: [f32; 2], b: [f32; 2], width: f32, color: SrgbColor) {
+        self.stroke([a, b], width, [false; 2], color);
+    }
+
+    /// A line whose ends are cut square at its points where `cut` is set, and round beyond its points elsewhere.
+    pub fn stroke(&mut self, [a, b]: [[f32; 2]; 2], width: f32, cut: [bool; 2], color: SrgbColor) {
         let reach = width / 2.0 + 1.0;
         let bounds = [a[0].min(b[0]) - reach, a[1].min(b[1]) - reach, a[0].max(b[0]) + reach, a[1].max(b[1]) + reach];
         let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
         let squared = (dx * dx + dy * dy).max(1e-9);
+        let length = squared.sqrt();
         self.fill(bounds, color, |x, y| {
-            let t = (((x - a[0]) * dx + (y - a[1]) * dy) / squared).clamp(0.0, 1.0);
-            libm::hypotf(x - a[0] - t * dx, y - a[1] - t * dy) - width / 2.0
+            let along = ((x - a[0]) * dx + (y - a[1]) * dy) / squared;
+            let t = along.clamp(0.0, 1.0);
+            // Coordinates relative to the nearest point are small, so that the square root is exact enough.
+            let (px, py) = (x - a[0] - t * dx, y - a[1] - t * dy);
+            let mut distance = (px * px + py * py).sqrt() - width / 2.0;
+            if cut[0] {
+                distance = distance.max(-along * length);
+            }
+            if cut[1] {
+                distance = distance.max((along - 1.0) * length);
+            }
+            distance
+        });
+    }
+
+    /// A polygon, convex or not, of at least three corners.
+    pub fn polygon(&mut self, corners: &[[f32; 2]], color: SrgbColor) {
+        let fold = |k: usize, f: fn(f32, f32) -> f32, start: f32| corners.iter().map(|p| p[k]).fold(start, f);
+        let (x0, x1) = (fold(0, f32::min, f32::MAX), fold(0, f32::max, f32::MIN));
+        let (y0, y1) = (fold(1, f32::min, f32::MAX), fold(1, f32::max, f32::MIN));
+        self.fill([x0 - 1.0, y0 - 1.0, x1 + 1.0, y1 + 1.0], color, |x, y| {
+            let mut inside = false;
+            let mut nearest = f32::MAX;
+            for (i, a) in corners.iter().enumerate() {
+                let b = corners[(i + 1) % corners.len()];
+                let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+                let t = (((x - a[0]) * dx + (y - a[1]) * dy) / (dx * dx + dy * dy).max(1e-9)).clamp(0.0, 1.0);
+                let (px, py) = (x - a[0] - t * dx, y - a[1] - t * dy);
+                nearest = nearest.min(px * px + py * py);
+                if (a[1] > y) != (b[1] > y) && x < a[0] + dx * (y - a[1]) / dy {
+                    inside = !inside;
+                }
+            }
+            if inside { -nearest.sqrt() } else { nearest.sqrt() }
         });
     }
 
@@ -113,56 +250,20 @@ impl MaterialCanvas {
         });
     }
 
-    /// A word of a height, centered at a point; smaller if it would be wider than `width`.
-    pub fn word(&mut self, stream: &mut Stream, center: [f32; 2], height: f32, width: f32, color: SrgbColor) {
-        let word = lettering::word(stream);
-        let weight = stream.uniform(0.11, 0.19) as f32;
-        let height = height.min(width / (LETTER_STEP * word.len() as f32));
-        self.letters(word, center, height, weight * height, color);
+    /// A soft shadow: an ellipse whose opacity fades from `strength` at its center to 0 at its edge.
+    pub fn shadow(&mut self, [cx, cy]: [f32; 2], [rx, ry]: [f32; 2], strength: f32) {
+        let finish = self.finish;
+        self.blend([cx - rx, cy - ry, cx + rx, cy + ry], |x, y| {
+            let d = ((x - cx) / rx) * ((x - cx) / rx) + ((y - cy) / ry) * ((y - cy) / ry);
+            let fade = (1.0 - d).max(0.0);
+            ([0.08, 0.06, 0.05], strength * fade * fade)
+        });
+        self.finish = finish;
     }
 
-    /// Any one letter of a height, centered at a point.
-    pub fn letter(&mut self, stream: &mut Stream, center: [f32; 2], height: f32, color: SrgbColor) {
-        let first = stream.below(lettering::ALPHABET.len() as u64) as usize;
-        self.letters(&lettering::ALPHABET[first..=first], center, height, 0.15 * height, color);
-    }
-
-    fn letters(&mut self, text: &str, [x, y]: [f32; 2], height: f32, weight: f32, color: SrgbColor) {
-        let start = x - (text.len() as f32 * LETTER_STEP - LETTER_GAP) * height / 2.0;
-        for (i, letter) in text.chars().enumerate() {
-            let left = start + i as f32 * LETTER_STEP * height;
-            let at =
-                |p: [f32; 2]| [left + p[0] * (LETTER_STEP - LETTER_GAP) * height, y + (p[1] - 0.5) * (height - weight)];
-            for stroke in lettering::strokes(letter) {
-                stroke.windows(2).for_each(|pair| self.line(at(pair[0]), at(pair[1]), weight, color));
-            }
-        }
-    }
-
-    /// Lines of small print in a rectangle.
-    pub fn small_print(&mut self, stream: &mut Stream, r: [f32; 4], line: f32, color: SrgbColor) {
-        let mut y = r[1];
-        while y + line <= r[3] {
-            let mut x = r[0];
-            let end = r[0] + (r[2] - r[0]) * stream.uniform(0.6, 1.0) as f32;
-            while x < end {
-                let word = (line * stream.uniform(0.8, 3.5) as f32).min(end - x);
-                self.rect([x, y + 0.22 * line, x + word, y + 0.68 * line], 0.0, color);
-                x += word + 0.5 * line;
-            }
-            y += line;
-        }
-    }
-
-    /// A bar code on white.
-    pub fn bar_code(&mut self, stream: &mut Stream, r: [f32; 4]) {
-        self.rect(r, 0.0, [0.95; 3]);
-        let module = (r[2] - r[0]) / 50.0;
-        let mut x = r[0] + 3.0 * module;
-        while x < r[2] - 4.0 * module {
-            let width = module * stream.integer(1, 3) as f32;
-            self.rect([x, r[1] + 2.0 * module, x + width, r[3] - 2.0 * module], 0.0, [0.08; 3]);
-            x += width + module * stream.integer(1, 3) as f32;
-        }
+    /// A vertical gradient in a rectangle, from the first color at the top to the second at the bottom.
+    pub fn gradient(&mut self, r: [f32; 4], colors: [SrgbColor; 2]) {
+        let height = (r[3] - r[1]).max(1e-6);
+        self.paint(r, |_, _| -1.0, |_, y| super::mix(colors[0], colors[1], (y - r[1]) / height));
     }
 }

@@ -14,20 +14,23 @@ mod color;
 mod family;
 mod field;
 mod layers;
-mod lettering;
 mod made;
 mod natural;
+mod photograph;
 mod print;
 mod textile;
 mod worktop;
 mod woven;
 
 pub use cache::MaterialCache;
-pub use canvas::MaterialCanvas;
-pub use color::{SrgbColor, hsv, linear, mix, shade, vivid};
+pub use canvas::{MaterialCanvas, PrintFinish};
+pub use color::{SrgbColor, hsv, linear, mix, palette, shade, vivid};
 pub use family::{MaterialFamily, Surface};
 pub use field::ScalarField;
-pub use print::{ball, bands, book, carton, label, remote, skin};
+pub use photograph::Photograph;
+pub use print::{
+    LabelKind, PrintedSheet, UvRect, WrapKind, ball, bands, book, carton, label, magazine, remote, skin, wrapped,
+};
 
 use std::sync::Arc;
 use syntable_model::digest::Hasher;

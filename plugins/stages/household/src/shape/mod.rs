@@ -12,6 +12,7 @@ mod extrude;
 mod lathe;
 mod loft;
 mod outline;
+mod sheet;
 mod tub;
 
 pub use block::rounded_box;
@@ -19,6 +20,7 @@ pub use extrude::{extrude, rounded_polygon, star};
 pub use lathe::{Lathe, WallCell, revolved};
 pub use loft::{SweepPath, loft, sweep};
 pub use outline::Profile;
+pub use sheet::{thick_sheet, vessel};
 pub use tub::Tub;
 
 use std::collections::BTreeMap;
@@ -209,6 +211,25 @@ impl SolidShape {
             let [u0, v0, u1, v1] = parts[usize::from(face.slot)];
             face.uv = face.uv.map(|[u, v]| [u0 + u * (u1 - u0), v0 + v * (v1 - v0)]);
             face.slot = 0;
+        }
+        self
+    }
+
+    /// Moves the texture coordinates of one slot into a rectangle (u0, v0, u1, v1).
+    pub fn uv_in(mut self, slot: u16, [u0, v0, u1, v1]: [f64; 4]) -> Self {
+        for face in self.faces.iter_mut().filter(|face| face.slot == slot) {
+            face.uv = face.uv.map(|[u, v]| [u0 + u * (u1 - u0), v0 + v * (v1 - v0)]);
+        }
+        self
+    }
+
+    /// Sets v of one slot to the height over a total height, meters.
+    pub fn uv_by_height(mut self, slot: u16, height: f64) -> Self {
+        for i in 0..self.faces.len() {
+            if self.faces[i].slot == slot {
+                let z = self.faces[i].corners.map(|index| self.points[index as usize].z);
+                self.faces[i].uv.iter_mut().zip(z).for_each(|(uv, z)| uv[1] = z / height);
+            }
         }
         self
     }
