@@ -2,6 +2,7 @@
 
 use crate::family::{HouseholdModel, ObjectFamily};
 use crate::material::{LICENSE, MaterialCache};
+use crate::photograph_folder::PhotographFolder;
 use crate::variants::{check_families, parse_name, variant_catalog};
 use std::sync::Arc;
 use syntable_model::digest::{Digest, Hasher};
@@ -30,11 +31,15 @@ pub struct Household {
     /// Seed of all variants.
     #[schemars(range(max = 9_223_372_036_854_775_807_u64))]
     seed: u64,
+    /// Folder of JPEG and PNG files. Packages, books and magazines then show crops of them instead of illustrations; all
+    /// else stays the same. Of more than 128 files, evenly spaced ones are read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    photographs: Option<AssetPath>,
 }
 
 impl Default for Household {
     fn default() -> Self {
-        Self { families: ObjectFamily::ALL.to_vec(), variants_per_family: 25, seed: 0 }
+        Self { families: ObjectFamily::ALL.to_vec(), variants_per_family: 25, seed: 0, photographs: None }
     }
 }
 
@@ -47,7 +52,8 @@ impl Config for Household {
     fn build(mut self) -> Result<Box<dyn AssetSource>, ConfigError> {
         check_families("families", &mut self.families, ObjectFamily::name)?;
         let materials = MaterialCache::new(Stream::root(self.seed).child("household surfaces"), SHARED_TEXELS);
-        Ok(Box::new(HouseholdSource { config: self, materials }))
+        let photographs = PhotographFolder::new(self.photographs.take());
+        Ok(Box::new(HouseholdSource { config: self, materials, photographs }))
     }
 }
 register!(Household);
@@ -55,6 +61,7 @@ register!(Household);
 struct HouseholdSource {
     config: Household,
     materials: MaterialCache,
+    photographs: PhotographFolder,
 }
 
 impl AssetSource for HouseholdSource {
@@ -63,20 +70,30 @@ impl AssetSource for HouseholdSource {
     }
 
     fn license(&self) -> Option<&str> {
-        Some(LICENSE)
+        // Photographs have licenses of their own.
+        (!self.photographs.is_set()).then_some(LICENSE)
     }
 
-    fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
+    fn limit(&mut self, limits: AssetLimits) {
+        self.photographs.limit(limits);
+    }
+
+    fn catalog(&self, log: &dyn Log) -> Result<Catalog> {
+        self.photographs.photographs(log)?;
         let families = self.config.families.iter().map(|family| family.name());
         Ok(variant_catalog(families, self.config.variants_per_family))
     }
 
-    fn load(&self, name: &str, _: &dyn Log) -> Result<Asset> {
+    fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         let (family, variant) =
             parse_name(name, &self.config.families, |family| family.name(), self.config.variants_per_family)?;
         let stream = Stream::root(self.config.seed).child("household").child(family.name()).at(u64::from(variant));
-        let model = family.model(&stream, &self.materials, &[]);
-        object(name, family.name(), model).map(Asset::from)
+        let model = family.model(&stream, &self.materials, self.photographs.photographs(log)?);
+        let mut object = object(name, family.name(), model)?;
+        if self.photographs.is_set() {
+            object.license.clear();
+        }
+        Ok(Asset::from(object))
     }
 }
 

@@ -11,6 +11,7 @@ pub mod family;
 pub mod household;
 mod joinery;
 pub mod material;
+mod photograph_folder;
 pub mod procedural_containers;
 pub mod procedural_environments;
 pub mod procedural_furniture;

@@ -273,7 +273,7 @@ impl FamilyContext<'_> {
         Arc::new(SurfaceFinish::printed(texture, self.appearance.uniform(gloss[0], gloss[1])).named("print"))
     }
 
-    /// A print with its own relief; a third of them are varnished.
+    /// A print with its own relief; a third of them have a clearcoat.
     fn sheet(&mut self, sheet: &PrintedSheet) -> Arc<Material> {
         let coat = self.appearance.chance(0.33).then(|| self.appearance.uniform(0.06, 0.25));
         Arc::new(sheet.material("print", coat))

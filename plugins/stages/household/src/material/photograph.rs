@@ -3,7 +3,7 @@
 use super::color::SrgbColor;
 
 /// Longest edge at which a photograph is kept, texels: prints show crops of a few hundred.
-const LONGEST: usize = 1024;
+const LONGEST: usize = 640;
 
 /// A photograph, sRGB.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -14,7 +14,7 @@ pub struct Photograph {
 }
 
 impl Photograph {
-    /// A photograph of RGBA texels, row 0 at the top. Larger ones than 1024 texels are averaged over squares.
+    /// A photograph of RGBA texels, row 0 at the top. Larger ones than 640 texels are averaged over squares.
     pub fn of_rgba(width: usize, height: usize, rgba: &[u8]) -> Self {
         let step = width.max(height).div_ceil(LONGEST).max(1);
         let (columns, rows) = ((width / step).max(1), (height / step).max(1));
@@ -62,9 +62,9 @@ mod tests {
     #[test]
     fn large_photographs_are_averaged() {
         let texels: Vec<u8> =
-            (0..2048 * 4).flat_map(|i| if i % 2 == 0 { [0, 100, 255, 9] } else { [200; 4] }).collect();
-        let photograph = Photograph::of_rgba(2048, 4, &texels);
-        assert_eq!((photograph.width, photograph.height), (1024, 2));
+            (0..1280 * 4).flat_map(|i| if i % 2 == 0 { [0, 100, 255, 9] } else { [200; 4] }).collect();
+        let photograph = Photograph::of_rgba(1280, 4, &texels);
+        assert_eq!((photograph.width, photograph.height), (640, 2));
         assert!(photograph.texels.iter().all(|texel| *texel == [100, 150, 228]), "{:?}", photograph.texels[0]);
     }
 

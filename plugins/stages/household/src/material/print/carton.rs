@@ -60,7 +60,7 @@ pub fn carton(stream: &mut Stream, [sx, sy, sz]: [f64; 3], photographs: &[Photog
     (PrintedSheet::bake(&canvas, &relief, Wrap::Clamp), uv)
 }
 
-/// What a print is wrapped around.
+/// The body that a print is wrapped around.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WrapKind {
     /// A bag of film with crimped, sealed ends: wrinkles.

@@ -1,4 +1,4 @@
-//! What the panels of one product have in common: colors, faces, logo and artwork.
+//! The design that the panels of one product share: colors, faces, logo and artwork.
 
 use super::artwork::Artwork;
 use super::facts::{PrintStyle, facts_panel};

@@ -87,6 +87,8 @@ pub fn facts_panel(
     } else {
         ([x0, y, x1, y + 0.42 * (end - y)], [x0, x1])
     };
+    // Tables are as narrow as their amounts allow.
+    let table = [table[0], table[1], table[2].min(table[0] + 34.0 * style.height.max(3.2)), table[3]];
     let paper = if stream.chance(0.6) { scheme.paper } else { ground };
     let on_paper = if paper == ground { ink } else { scheme.print_ink() };
     let bottom = nutrition_table(canvas, stream, style, table, [paper, on_paper]);
@@ -115,7 +117,7 @@ pub fn facts_panel(
     bar_code(canvas, stream, style.face, [code_x, end - code, code_x + wide, end]);
     let free = rest[1] - rest[0] - wide - margin;
     let free_x = if right_code { rest[0] } else { rest[0] + wide + margin };
-    let mark = (0.34 * code).min(0.5 * free);
+    let mark = (0.24 * code).min(0.5 * free);
     if mark > 4.0 {
         recycling_mark(canvas, [free_x + mark, end - mark], 0.9 * mark, ink);
         let is_coded = stream.chance(0.4);

@@ -90,11 +90,11 @@ fn classic(design: &Design, canvas: &mut MaterialCanvas, stream: &mut Stream, pa
     let scheme = &design.scheme;
     let place = if stream.chance(0.6) { ArtworkPlace::OnGround } else { ArtworkPlace::Full };
     let box_ = if place == ArtworkPlace::Full { [0.0, 0.44, 1.0, 1.0] } else { [0.04, 0.42, 0.96, 0.96] };
-    let glow = panel.at(0.5, 0.68);
+    let halo = panel.at(0.5, 0.68);
     let bright = mix(scheme.ground, [1.0; 3], 0.35);
     let reach = 0.55 * panel.w();
     canvas.blend(panel.r, |x, y| {
-        let (dx, dy) = ((x - glow[0]) / reach, (y - glow[1]) / reach);
+        let (dx, dy) = ((x - halo[0]) / reach, (y - halo[1]) / reach);
         (bright, (1.0 - dx * dx - dy * dy).max(0.0) * 0.8)
     });
     design.artwork.draw(canvas, place, panel.part(box_), panel.r, [scheme.ground, scheme.accent]);

@@ -264,7 +264,7 @@ mod tests {
             }
             for (other, known) in &seen {
                 let pair = (*other, *character);
-                // In print, a capital i and a small L are one stroke, and so are an O and a zero but for their widths.
+                // In print, a capital i and a small L are one stroke.
                 assert!(known != &glyph || pair == ('I', 'l'), "{pair:?}");
             }
             seen.push((*character, glyph));

@@ -10,7 +10,7 @@ use crate::material::{MaterialCanvas, PrintFinish};
 use syntable_model::random::Stream;
 use syntable_model::scene::Wrap;
 
-/// What a label is on.
+/// The surface that a label is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LabelKind {
     /// Paper or film on glass or plastic.

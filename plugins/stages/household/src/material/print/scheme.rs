@@ -6,7 +6,7 @@ use syntable_model::random::Stream;
 /// The material below the ink.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stock {
-    /// Board with a glossy varnish.
+    /// Board with a glossy coat.
     Gloss,
     /// Uncoated board.
     Matt,

@@ -144,7 +144,7 @@ const CLAIMS: [&str; 20] = [
 const SYLLABLES: [[&str; 12]; 3] = [
     ["Bal", "Cor", "Dri", "Fen", "Gla", "Jo", "Kel", "Mar", "Nu", "Pri", "Sol", "Vi"],
     ["a", "be", "do", "i", "la", "mi", "no", "ra", "si", "ta", "u", "ve"],
-    ["co", "dia", "lin", "max", "na", "nex", "ra", "ris", "ta", "tto", "va", "zo"],
+    ["co", "dia", "lin", "max", "na", "nex", "ra", "ris", "ta", "tta", "va", "zo"],
 ];
 
 /// Letters that invented words of an alphabet take turns in: vowels and consonants.

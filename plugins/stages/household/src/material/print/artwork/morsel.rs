@@ -24,7 +24,7 @@ pub enum MorselShape {
     Rod,
 }
 
-/// What lies on the surface of a body.
+/// Pattern on the surface of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum MorselMark {
     /// Grain alone.
@@ -66,7 +66,7 @@ use MorselShape::{Ball, Disc, Leaf, Oval, Ring, Rod, Square, Wedge};
 const PRESETS: [Preset; 18] = [
     (Square, Holes, [0.085, 0.75, 0.88], [0.06, 0.85, 0.6], 0.1, 0.25),
     (Disc, Chips, [0.085, 0.55, 0.72], [0.07, 0.65, 0.45], 0.05, 0.35),
-    (Ball, Plain, [0.98, 0.9, 0.75], [0.96, 0.95, 0.4], 0.8, 0.08),
+    (Ball, Plain, [0.98, 0.85, 0.7], [0.96, 0.92, 0.36], 0.6, 0.16),
     (Ball, Plain, [0.65, 0.55, 0.42], [0.68, 0.6, 0.2], 0.4, 0.12),
     (Oval, Groove, [0.08, 0.55, 0.66], [0.06, 0.65, 0.42], 0.25, 0.22),
     (Oval, Groove, [0.06, 0.6, 0.3], [0.05, 0.7, 0.16], 0.55, 0.15),
@@ -76,7 +76,7 @@ const PRESETS: [Preset; 18] = [
     (Ring, Plain, [0.1, 0.6, 0.85], [0.08, 0.75, 0.62], 0.15, 0.3),
     (Rod, Plain, [0.115, 0.6, 0.93], [0.1, 0.75, 0.75], 0.2, 0.15),
     (Oval, Seeds, [0.995, 0.9, 0.82], [0.97, 0.95, 0.55], 0.6, 0.1),
-    (Ball, Plain, [0.02, 0.88, 0.8], [0.0, 0.95, 0.55], 0.85, 0.06),
+    (Ball, Plain, [0.02, 0.84, 0.76], [0.05, 0.85, 0.5], 0.65, 0.14),
     (Disc, Plain, [0.13, 0.65, 0.95], [0.1, 0.75, 0.75], 0.25, 0.2),
     (Square, Plain, [0.06, 0.65, 0.34], [0.05, 0.75, 0.2], 0.45, 0.1),
     (Ball, Plain, [0.3, 0.55, 0.68], [0.29, 0.7, 0.42], 0.5, 0.1),
@@ -188,6 +188,9 @@ impl Morsel {
         };
         let reach = 1.15 * radius + 1.0;
         let step = 0.05;
+        // No two bodies are equally bright, or equally ripe.
+        let tone = 1.0 + 0.16 * grain.sample(0.7 * cx + 11.0, 0.7 * cy + 5.0);
+        let ripe = 0.22 * grain.sample(0.9 * cy + 71.0, 0.9 * cx);
         let scale = 18.0;
         canvas.paint(
             [cx - reach, cy - reach, cx + reach, cy + reach],
@@ -208,8 +211,11 @@ impl Morsel {
                 let norm = (sx * sx + sy * sy + 1.0).sqrt();
                 let light = ((0.45 * sx + 0.6 * sy + 0.66) / norm).max(0.0);
                 let shine = ((0.3 * sx + 0.42 * sy + 0.86) / norm).max(0.0);
-                let highlight = self.gloss * libm::powf(shine, 40.0);
-                mix(shade(self.albedo(p, q, noise), 0.42 + 0.75 * light), [1.0; 3], highlight)
+                let highlight = 0.8 * self.gloss * (libm::powf(shine, 60.0) + 0.18 * libm::powf(shine, 9.0));
+                let albedo = mix(self.albedo(p, q, noise), self.colors[1], ripe);
+                // Light from the table reaches the lower rim.
+                let bounce = 0.1 * (-sy / norm).max(0.0);
+                mix(shade(albedo, tone * (0.4 + 0.78 * light + bounce)), [1.0; 3], highlight.min(0.9))
             },
         );
         canvas.set_finish(before);
