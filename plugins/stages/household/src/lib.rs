@@ -1,4 +1,5 @@
-//! Procedural asset sources: household objects, containers, furniture, tables, surface materials and environment maps. They need no files.
+//! Procedural asset sources: household objects, containers, furniture, tables, surface materials and environment maps. They need no
+//! files; `household` can show photographs of a folder on its prints.
 //!
 //! Each kind has a module of its name: [`household`], [`procedural_containers`], [`procedural_furniture`], [`procedural_tables`],
 //! [`procedural_materials`] and [`procedural_environments`]. Objects and furniture are modeled with [`shape`] and textured with [`material`];

@@ -186,7 +186,7 @@ pub fn upholstery(stream: &mut Stream, size: usize) -> Bake {
     let pipe = 0.008;
     let (mut color, mut height) = (Vec::new(), Vec::new());
     for (i, x, y) in positions(size) {
-        let (p, q) = ((x * count[0]).fract(), (y * count[1]).fract());
+        let (p, q) = ((x * count[0] + 0.5).fract(), (y * count[1] + 0.5).fract());
         let (ex, ey) = (p.min(1.0 - p) / count[0], q.min(1.0 - q) / count[1]);
         let edge = ex.min(ey);
         let piping = (1.0 - (edge / pipe - 1.6) * (edge / pipe - 1.6)).max(0.0).sqrt();

@@ -25,7 +25,8 @@ pub fn laminate(stream: &mut Stream, size: usize) -> Bake {
     let (mut color, mut roughness, mut height) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..size * size {
         let [x, y] = [i % size, i / size].map(|k| (k as f32 + 0.5) / size as f32);
-        let (px, py) = (x * count[0] as f32, y * count[1] as f32);
+        // Tiles meet in the middle of a panel.
+        let (px, py) = (x * count[0] as f32 + 0.5, y * count[1] as f32 + 0.5);
         let panel = px as usize % count[0] + 2 * (py as usize % count[1]);
         let edge = |t: f32, n: usize| t.fract().min(1.0 - t.fract()) / n as f32;
         let nearest = edge(px, count[0]).min(edge(py, count[1]));
@@ -86,7 +87,7 @@ pub fn stitched_leather(stream: &mut Stream, size: usize) -> Bake {
     let (mut color, mut roughness, mut height) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..size * size {
         let [x, y] = [i % size, i / size].map(|k| (k as f32 + 0.5) / size as f32);
-        let edge = |t: f32, n: f32| (t * n).fract().min(1.0 - (t * n).fract()) / n;
+        let edge = |t: f32, n: f32| (t * n + 0.5).fract().min(1.0 - (t * n + 0.5).fract()) / n;
         let (ex, ey) = (edge(x, count[0]), edge(y, count[1]));
         let (nearest, along) = if ex < ey { (ex, y) } else { (ey, x) };
         let groove = 1.0 - smoothstep(0.3 * aside, 0.7 * aside, nearest);
@@ -117,7 +118,7 @@ pub fn worktop(stream: &mut Stream, size: usize) -> Bake {
     let tile_m = stream.uniform(0.6, 1.2) as f32;
     let wrap = |t: f32| t - (t + 0.5).floor();
     let mut gloss = vec![0.0; size * size];
-    for i in 0..size * size {
+    for (i, gloss) in gloss.iter_mut().enumerate() {
         let [x, y] = [i % size, i / size].map(|k| (k as f32 + 0.5) / size as f32);
         let blot = 0.22 * smoothstep(threshold, threshold + 0.6, blots.values()[i]);
         let mark = rings.iter().fold(0.0_f32, |mark, [cx, cy, edge, strength]| {
@@ -129,7 +130,7 @@ pub fn worktop(stream: &mut Stream, size: usize) -> Bake {
         });
         let tint = if pale { mix(top.color[i], [0.9; 3], 0.8) } else { stain };
         top.color[i] = mix(mix(top.color[i], stain, blot), tint, mark);
-        gloss[i] += 0.15 * blot + 0.2 * mark;
+        *gloss += 0.15 * blot + 0.2 * mark;
     }
     let mut cuts = vec![0.0_f32; size * size];
     for _ in 0..stream.integer(12, 70) {

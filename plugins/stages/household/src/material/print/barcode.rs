@@ -48,7 +48,7 @@ pub fn bar_code(canvas: &mut MaterialCanvas, stream: &mut Stream, face: &Typefac
     let height = r[3] - r[1];
     let ink = [0.06; 3];
     for (i, _) in modules(&digits).iter().enumerate().filter(|(_, dark)| **dark) {
-        let guard = i < 3 || i > 91 || (45..50).contains(&i);
+        let guard = !(3..=91).contains(&i) || (45..50).contains(&i);
         let x = r[0] + (11.0 + i as f32) * module;
         canvas.rect([x, r[1] + 0.06 * height, x + module, r[1] + if guard { 0.92 } else { 0.8 } * height], 0.0, ink);
     }
@@ -99,7 +99,7 @@ mod tests {
     fn article_numbers_have_their_check_digit() {
         for seed in 0..50 {
             let digits = article_number(&mut Stream::root(seed));
-            let weighted = |i: usize| u32::from(digits[i]) * if i % 2 == 0 { 1 } else { 3 };
+            let weighted = |i: usize| u32::from(digits[i]) * if i.is_multiple_of(2) { 1 } else { 3 };
             assert_eq!((0..13).map(weighted).sum::<u32>() % 10, 0, "{digits:?}");
         }
     }

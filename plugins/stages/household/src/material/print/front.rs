@@ -108,7 +108,7 @@ fn classic(design: &Design, canvas: &mut MaterialCanvas, stream: &mut Stream, pa
 /// Two colors that meet in a wave, with the artwork across it.
 fn wave(design: &Design, canvas: &mut MaterialCanvas, stream: &mut Stream, panel: Panel) {
     let Scheme { ground, second, second_ink, accent, .. } = design.scheme;
-    let (phase, swing) = (stream.uniform(0.0, 6.28) as f32, stream.uniform(0.03, 0.09) as f32);
+    let (phase, swing) = (stream.uniform(0.0, std::f64::consts::TAU) as f32, stream.uniform(0.03, 0.09) as f32);
     let tilt = stream.uniform(-0.12, 0.12) as f32;
     let level = stream.uniform(0.45, 0.6) as f32;
     let edge = move |x: f32| {

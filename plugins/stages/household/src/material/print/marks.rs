@@ -121,7 +121,7 @@ pub fn crest(canvas: &mut MaterialCanvas, stream: &mut Stream, [x, y]: [f32; 2],
                 let side = if i % 2 == 0 { 1.0 } else { -1.0 };
                 let angle = side * (0.5 + 0.27 * (i / 2) as f32);
                 let (sin, cos) = libm::sincosf(angle);
-                let at = [x + r * sin, y - 0.15 * r + 0.95 * r * -cos * -1.0 * -1.0];
+                let at = [x + r * sin, y - 0.15 * r - 0.95 * r * cos];
                 leaf(canvas, at, 0.26 * r, angle + side * 0.9, color);
             }
             canvas.star([x, y], 0.36 * r, 6, 0.5, color);

@@ -74,7 +74,7 @@ impl ReliefMap {
         }
         for _ in 0..(amount * stream.uniform(1.0, 6.0)) as usize {
             let a = place(stream);
-            let (sin, cos) = libm::sincosf(stream.uniform(0.0, 6.28) as f32);
+            let (sin, cos) = libm::sincosf(stream.uniform(0.0, std::f64::consts::TAU) as f32);
             let length = edge * stream.uniform(0.05, 0.3) as f32;
             let b = [a[0] + length * cos, a[1] + length * sin];
             let height = stream.uniform(-2.0, 2.0) as f32;

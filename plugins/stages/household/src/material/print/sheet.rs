@@ -110,7 +110,7 @@ pub fn wear(
     let scuffs = (age * stream.uniform(0.0, 14.0) as f32) as usize;
     for _ in 0..scuffs {
         let a = [stream.unit() as f32 * w, stream.unit() as f32 * h];
-        let (sin, cos) = libm::sincosf(stream.uniform(0.0, 6.28) as f32);
+        let (sin, cos) = libm::sincosf(stream.uniform(0.0, std::f64::consts::TAU) as f32);
         let length = stream.uniform(4.0, 60.0) as f32;
         let b = [a[0] + length * cos, a[1] + length * sin];
         let (squared, width) = (length * length, stream.uniform(0.4, 1.6) as f32);

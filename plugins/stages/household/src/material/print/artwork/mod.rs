@@ -120,7 +120,7 @@ impl<'a> Artwork<'a> {
                 for i in 0..count {
                     let t = (i as f32 + 0.5) / count as f32;
                     let y = r[1] + h * (0.5 + 0.2 * stream.uniform(-1.0, 1.0) as f32);
-                    let turn = stream.uniform(0.0, 6.28) as f32;
+                    let turn = stream.uniform(0.0, std::f64::consts::TAU) as f32;
                     main.paint(canvas, &self.grain, [r[0] + t * w, y], size, turn);
                 }
                 self.scatter(canvas, stream, [r[0], r[1] + 0.6 * h, r[2], r[3]], side, 0.1 * edge);
@@ -138,7 +138,7 @@ impl<'a> Artwork<'a> {
                         let jitter = [0, 1].map(|_| 0.4 * size * stream.uniform(-1.0, 1.0) as f32);
                         let y = r[1] + h * (0.35 + 0.55 * t);
                         let kind = if stream.chance(0.15) { side } else { main };
-                        let turn = stream.uniform(0.0, 6.28) as f32;
+                        let turn = stream.uniform(0.0, std::f64::consts::TAU) as f32;
                         kind.paint(canvas, &self.grain, [x + jitter[0], y + jitter[1]], size, turn);
                     }
                 }
@@ -149,7 +149,7 @@ impl<'a> Artwork<'a> {
     fn scatter(&self, canvas: &mut MaterialCanvas, stream: &mut Stream, r: [f32; 4], kind: Morsel, size: f32) {
         for _ in 0..stream.integer(3, 9) {
             let at = [stream.uniform(r[0].into(), r[2].into()) as f32, stream.uniform(r[1].into(), r[3].into()) as f32];
-            kind.paint(canvas, &self.grain, at, size, stream.uniform(0.0, 6.28) as f32);
+            kind.paint(canvas, &self.grain, at, size, stream.uniform(0.0, std::f64::consts::TAU) as f32);
         }
     }
 
@@ -171,7 +171,7 @@ impl<'a> Artwork<'a> {
                 let x = cx + half * (i as f32 / 3.0 - 1.0) + jitter;
                 let lift = 1.0 - (x - cx) * (x - cx) / (rx * rx);
                 let y = cy - (0.9 - 0.85 * t) * 1.5 * ry * lift.max(0.0) + jitter;
-                kind.paint(canvas, &self.grain, [x, y], size, stream.uniform(0.0, 6.28) as f32);
+                kind.paint(canvas, &self.grain, [x, y], size, stream.uniform(0.0, std::f64::consts::TAU) as f32);
             }
         }
         // The front wall covers what hangs below the rim.

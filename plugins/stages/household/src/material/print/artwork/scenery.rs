@@ -96,7 +96,7 @@ pub fn waves(canvas: &mut MaterialCanvas, stream: &mut Stream, r: [f32; 4], colo
     let [w, h] = [r[2] - r[0], r[3] - r[1]];
     for band in 0..stream.integer(3, 6) {
         let (from, amplitude) = (stream.uniform(0.2, 0.9) as f32, stream.uniform(0.05, 0.25) as f32);
-        let (phase, turns) = (stream.uniform(0.0, 6.28) as f32, stream.uniform(0.4, 1.1) as f32);
+        let (phase, turns) = (stream.uniform(0.0, std::f64::consts::TAU) as f32, stream.uniform(0.4, 1.1) as f32);
         let thick = stream.uniform(0.05, 0.35) as f32;
         let color = mix(colors[0], colors[1], band as f32 / 4.0);
         let alpha = stream.uniform(0.35, 0.9) as f32;
