@@ -8,7 +8,7 @@ use syntable_model::random::Stream;
 use syntable_model::scene::{Color, Material, NormalMap, Scalar, Texture, Wrap};
 
 /// Most texels of a print. Color takes four bytes a texel, relief one.
-pub const MOST_TEXELS: f64 = 640_000.0;
+pub const MOST_TEXELS: f64 = 500_000.0;
 
 /// Longest edge of a print, texels.
 pub const LONGEST: f64 = 1280.0;
