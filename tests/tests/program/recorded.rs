@@ -70,7 +70,7 @@ fn world(dataset: &Path) -> Vec<f64> {
     objects.values().flat_map(numbers).collect()
 }
 
-/// The same masks prove poses, sizes and lenses at once. The table is another one, in another place.
+/// The same masks prove poses, sizes and lenses at once. The table differs, and so does its place.
 #[test]
 fn a_rebuilt_scene_has_the_recorded_masks() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -8,7 +8,7 @@ pub struct Finish {
     /// Perceptual roughness, 0 to 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub roughness: Option<f64>,
-    /// Reflectance at normal incidence of what is no metal, as a fraction of 8 %, 0 to 1: 0.5 reflects 4 %. This is the `Specular` of
+    /// Reflectance of dielectrics at normal incidence, as a fraction of 8 %, 0 to 1: 0.5 reflects 4 %. This is the `Specular` of
     /// Blender's Principled BSDF. Materials that transmit light keep their index of refraction.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub specular: Option<f64>,

@@ -144,7 +144,7 @@ mod tests {
             let seen_from = hidden * camera;
             let yaw = stream.uniform(0.0, 6.0);
             let found = on_support(RecordedFrame::RestingPlane, &moved, &seen_from, &support, yaw).expect("a plane");
-            // The hidden vertical is vertical again, but for the noise over the distances of the boxes.
+            // The hidden vertical is vertical again, within the noise over the distances of the boxes.
             let up = (found * hidden).rotation * Vector3::z();
             assert!(up.z > 0.9995, "{up}");
             let lowest = moved.iter().flatten().map(|p| (found * p).z).fold(f64::INFINITY, f64::min);

@@ -21,7 +21,7 @@ use syntable_model::scene::{Asset, AssetRef, BodyDraft, DropZone, Motion, Object
 ///
 /// The dataset can have any format that states cameras and poses of objects: BOP's `scene_gt.json` and `scene_camera.json`, or the
 /// products `camera` and `object_info` of a dataset of this program. Scene `i` of the new dataset rebuilds scene `i` of the
-/// recorded one, and starts again after the last one. Lights, materials, tables and rooms are those of the recipe, and the kinds
+/// recorded one, and starts again after the last one. The recipe gives the lights, materials, tables and rooms, and the kinds
 /// `recorded` of `[views]` and `[camera]` give the views of the recorded cameras.
 ///
 /// An object is found in the pools of `from`: by its pool and name as in the dataset, by its number (`obj_id`), or else by its name.
@@ -58,7 +58,7 @@ pub struct Recorded {
     #[serde(default = "straight")]
     #[schemars(extend("minimum" = YAW_DEG[0], "maximum" = YAW_DEG[1]))]
     yaw_deg: Dist,
-    /// What happens to objects that no pool of `from` has.
+    /// Treatment of objects that no pool of `from` has.
     #[serde(default)]
     missing: Missing,
     /// Replaces some objects by others of their size, such as `{ from = "household", probability = 0.3 }`.
@@ -85,7 +85,7 @@ pub struct Recorded {
     shapes: RestingShapes,
 }
 
-/// What happens to recorded objects that no pool has.
+/// Treatment of recorded objects that no pool has.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Missing {

@@ -13,7 +13,7 @@ const SAME_M: f64 = 0.005;
 /// Maximum angle between the poses of an object that stays in its place, radians.
 const SAME_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 
-/// An entry of the product `object_info`, as far as it is read.
+/// The fields of an entry of the product `object_info` that are read.
 #[derive(Deserialize)]
 struct ObjectEntry {
     asset: String,

@@ -154,7 +154,7 @@ impl LightSampler for CeilingLight {
             },
             |lumens| flux_luminance(lumens, self.area()),
         );
-        let color = self.color().draw(&stream);
+        let color = self.color().draw(stream);
         let radiance = color.map(|channel| channel * luminance);
         let light = |center: &Point3<f64>| match self.shape {
             CeilingShape::Rect => Light::Rect(RectLight { radiance, ..self.rect(*center) }),
