@@ -16,6 +16,9 @@ use syntable_model::digest::Digest;
 use syntable_model::registry::{Registry, Slot};
 use syntable_program as _;
 
+/// Files that several recipes of the gallery use.
+const SHARED: [&str; 2] = ["base.toml", "recorded.jsonl"];
+
 /// Maximum size of an image file, bytes.
 const LARGEST: usize = 40_000;
 
@@ -135,7 +138,7 @@ fn every_file_belongs_to_a_kind() {
         if path.is_dir() {
             let foreign = |recipe: &PathBuf| !gallery::kind_of(recipe).is_some_and(|kind| has_kind(&slot, &kind));
             orphans.extend(gallery::below(&path).into_iter().filter(foreign));
-        } else if slot != "base.toml" {
+        } else if !SHARED.contains(&slot.as_str()) {
             orphans.push(path);
         }
     }
