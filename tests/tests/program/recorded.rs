@@ -124,13 +124,18 @@ fn what_cannot_be_rebuilt_is_refused_with_a_way_out() {
         for set in more {
             run.args(["--set", set]);
         }
-        fails(&mut run, 1)
+        fails(&mut run, 2)
     };
     let of = |path: &Path| format!("dataset = {path:?}");
     let said = run("views", [1, 3], &of(&jsonl), &[]);
     assert!(said.contains("view 2 has no camera: the recorded scene has 2 images, from 0"), "{said}");
     assert!(said.contains("lower `views_per_scene`"), "{said}");
-    let said = run("missing", [1, 2], &of(&jsonl), &["assets.objects.seed=1", "assets.objects.families=[\"wrench\"]"]);
+    let said = run(
+        "missing",
+        [1, 2],
+        &of(&jsonl),
+        &["assets.objects.seed=1", "assets.objects.families=[\"wrench\"]", "assets.objects.exclude=[]"],
+    );
     assert!(said.contains("is in none of `objects`") && said.contains("missing = \"leave_out\""), "{said}");
     // A box that is elsewhere in the second image.
     let mut moved = lines(&source);
