@@ -102,7 +102,7 @@ impl SceneWriter<Scenes> for Keep {
 
 impl Placer for Boxes {
     fn place(&self, scene: &mut SceneBuilder, _: &Context) -> Result<()> {
-        *scene = scenes::table();
+        scenes::add_table(scene);
         let cube = scenes::object("cube", scenes::box_mesh([0.01; 3]), [0.5; 3]);
         for i in 0..taken()[0].objects {
             scene.add(scenes::body(cube.clone(), [0.03 * i as f64, 0.0, 0.005], Role::Object));

@@ -63,13 +63,18 @@ pub fn body(object: Arc<Object>, at: [f64; 3], role: Role) -> BodyDraft {
     BodyDraft::new(asset, object, Pose::translation(at[0], at[1], at[2]), role, motion)
 }
 
-/// A builder with a table: a slab of 2 m × 2 m × 0.1 m whose top is at z = 0, and no room.
+/// A builder with a table ([`add_table`]), and no room.
 pub fn table() -> SceneBuilder {
     let mut builder = SceneBuilder::default();
+    add_table(&mut builder);
+    builder
+}
+
+/// Adds a table: a slab of 2 m × 2 m × 0.1 m whose top is at z = 0, the scene's support.
+pub fn add_table(builder: &mut SceneBuilder) {
     let slab = object("table", box_mesh([2.0, 2.0, 0.1]), [0.5; 3]);
     builder.add(body(slab, [0.0, 0.0, -0.05], Role::Support));
     builder.supports = Support::new("table", Region::rectangle([0.0; 3], [2.0, 2.0])).into();
-    builder
 }
 
 /// Boxes (center, edge lengths, meters) on the [`table`]; box `i` has the instance id `i + 1`.

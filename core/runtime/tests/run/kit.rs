@@ -93,7 +93,7 @@ kind!(/** Writes products as JSON. */ Lines, Writer<Scenes>, "lines",
 impl Placer for Boxes {
     fn place(&self, scene: &mut SceneBuilder, _: &Context) -> Result<()> {
         sleep(self.sleep_ms);
-        *scene = scenes::table();
+        scenes::add_table(scene);
         let cube = scenes::object("cube", scenes::box_mesh([0.1; 3]), [0.5; 3]);
         scene.add(scenes::body(cube, [0.0, 0.0, 0.05], Role::Object));
         Ok(())
