@@ -175,6 +175,25 @@ impl FileContent {
         Error::new(what).in_file(&self.path)
     }
 
+    /// Width and height of a PNG or JPEG file, px, from its header.
+    pub fn size(&self) -> Result<[u32; 2]> {
+        let size = guarded("the reader of the header", &self.path, || {
+            if self.bytes.starts_with(&JPEG) {
+                let mut decoder = JpegDecoder::new(ZCursor::new(&self.bytes));
+                let fail = |error| self.refuse(format!("not a readable JPEG file: {error}"));
+                decoder.decode_headers().map_err(fail)?;
+                return Ok(decoder.dimensions().map_or([0; 2], |(width, height)| [width as u32, height as u32]));
+            }
+            let fail = |error: png::DecodingError| self.refuse(format!("not a readable PNG file: {error}"));
+            let header = Decoder::new(Cursor::new(&self.bytes));
+            let reader = header.read_info().map_err(fail)?;
+            let info = reader.info();
+            Ok([info.width, info.height])
+        })?;
+        self.check_header(size, Some(0))?;
+        Ok(size)
+    }
+
     /// An 8-bit RGB image from a PNG or JPEG file; gray becomes RGB, transparency is dropped.
     pub fn rgb(&self) -> Result<Plane<[u8; 3]>> {
         if self.bytes.starts_with(&JPEG) {

@@ -1,7 +1,7 @@
 //! The camera of an image, read back from the product `camera`.
 
 use crate::error::{Error, Result};
-use crate::geometry::{Pose, pose_of_matrix};
+use crate::geometry::{Pose, rigid};
 use crate::product::Value;
 use crate::product::standard::CAMERA;
 use crate::scene::{Camera, Distortion, Fisheye, Intrinsics, Polynomial};
@@ -14,6 +14,9 @@ pub struct StatedCamera {
     camera: Camera,
     has_pose: bool,
 }
+
+/// Skews up to this fraction of the focal length are rounding errors.
+const MAX_SKEW: f64 = 1e-6;
 
 /// The entries of the product `camera` that are read.
 #[derive(Deserialize)]
@@ -105,7 +108,7 @@ impl StatedCamera {
     /// The camera that a value of the product `camera` states.
     ///
     /// # Errors
-    /// If the value has no size or no matrix `K`, or entries of another form.
+    /// If the value has no size or no matrix `K`, if `K` has a skew, if the pose is no rigid motion, or if an entry has another form.
     pub fn of(value: &Value) -> Result<Self> {
         let unlike = |error: serde_json::Error| {
             Error::new(format!("product `{}` is not a camera: {error}", CAMERA.name()))
@@ -114,9 +117,14 @@ impl StatedCamera {
         let json = serde_json::to_value(value).map_err(unlike)?;
         let CameraRecord { width, height, k, world_from_camera, distortion } =
             serde_json::from_value(json).map_err(unlike)?;
-        let [[fx, _, cx], [_, fy, cy], _] = k;
+        let [[fx, skew, cx], [_, fy, cy], _] = k;
+        if skew.abs() > MAX_SKEW * fx.abs() {
+            let message = format!("product `{}` has the skew {skew} px in `K`", CAMERA.name());
+            return Err(Error::new(message).help("cameras here have square corners: `K[0][1]` is 0"));
+        }
         let distortion = distortion.distortion();
-        let pose = world_from_camera.as_ref().map(pose_of_matrix);
+        let pose = world_from_camera.map(|rows| rigid(rows, "world_from_camera")).transpose();
+        let pose = pose.map_err(|error| Error::new(format!("product `{}`: {}", CAMERA.name(), error.message)))?;
         let intrinsics = Intrinsics { width, height, fx, fy, cx, cy };
         let camera = Camera { distortion, ..Camera::pinhole(intrinsics, pose.unwrap_or_else(Pose::identity)) };
         Ok(Self { camera, has_pose: pose.is_some() })

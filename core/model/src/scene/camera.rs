@@ -21,6 +21,9 @@ pub struct Intrinsics {
 }
 
 impl Intrinsics {
+    /// Maximum width and height of an image, px.
+    pub const MAX_EDGE: u32 = 16_384;
+
     /// Projects a point of the camera frame to (u, v), px. The point must be in front: z > 0.
     #[inline]
     pub fn project(&self, p_camera: &Point3<f64>) -> [f64; 2] {

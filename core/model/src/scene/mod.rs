@@ -103,10 +103,8 @@ pub struct SettleReport {
 /// A scene under construction.
 #[derive(Debug, Default)]
 pub struct SceneBuilder {
-    /// The scene's number in its dataset.
-    pub id: SceneId,
-    /// Which attempt this is, from 0.
-    pub attempt: u32,
+    id: SceneId,
+    attempt: u32,
     bodies: Vec<Option<BodyDraft>>,
     /// Drop zone of each body; none for bodies whose placers set none.
     zones: Vec<Option<DropZone>>,
@@ -122,9 +120,14 @@ pub struct SceneBuilder {
 }
 
 impl SceneBuilder {
-    /// An empty scene.
+    /// An empty scene of a number in its dataset, for an attempt at it, from 0.
     pub fn new(id: SceneId, attempt: u32) -> Self {
         Self { id, attempt, ..Self::default() }
+    }
+
+    /// The scene's number in its dataset.
+    pub fn id(&self) -> SceneId {
+        self.id
     }
 
     /// Adds a body. Objects are numbered in the order in which they are added.

@@ -57,6 +57,8 @@ pub enum Part {
     Support(String),
     /// The main support: the first that a step sets.
     MainSupport,
+    /// The [cameras](crate::scene::RecordedCamera) of a recorded scene.
+    RecordedCameras,
 }
 
 impl Part {

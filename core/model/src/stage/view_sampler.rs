@@ -4,6 +4,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::geometry::{Point3, Pose};
 use crate::scene::{Moment, Scene, ViewId};
+use crate::stage::Part;
 
 /// A range of distances around a point, meters: where cameras or lights can be.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,6 +34,11 @@ pub trait ViewSampler: Send + Sync {
     /// point.
     fn target(&self, scene: &Scene, view: ViewId) -> Option<Point3<f64>> {
         let _ = (scene, view);
+        None
+    }
+    /// The part of the scene that the poses need, which a step of `[[place]]` must set. Supports are named by options of the type
+    /// [`SupportName`](crate::names::SupportName), and need not be stated here.
+    fn needs(&self) -> Option<Part> {
         None
     }
     /// Number of views, if it is fixed.

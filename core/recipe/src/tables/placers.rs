@@ -42,6 +42,7 @@ pub(crate) fn check(built: &Built) -> Vec<DiagnosticBuilder> {
         return diagnostics;
     }
     diagnostics.extend(unmet_needs(&steps));
+    diagnostics.extend(unmet_by_views(&steps, &built.stages));
     diagnostics.extend(unknown_supports(&steps, &built.stages));
     diagnostics.extend(lost_sizes(&steps, &built.stages));
     match steps.last() {
@@ -222,6 +223,32 @@ fn unmet(step: &Step, part: &Part, later: Option<&BuiltStage>, steps: &[Step]) -
     }
 }
 
+/// Views and cameras that need a part which no step sets in every scene.
+fn unmet_by_views(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilder> {
+    if steps.iter().any(|step| !step.is_declared) {
+        return Vec::new();
+    }
+    let needs = |stage: &Stage| match stage {
+        Stage::Views(views) => views.needs(),
+        Stage::Camera(camera) => camera.needs(),
+        _ => None,
+    };
+    let unmet = |stage: &BuiltStage| {
+        let part = stage.all().filter_map(|built| needs(built.stage.as_ref()?)).find(|part| {
+            let sets = |step: &Step| step.sets.iter().any(|set| meets(set, part));
+            !steps.iter().any(sets)
+        })?;
+        let (slot, name) = (stage.slot, described(&part));
+        let message = format!("[{slot}] needs the {name}, and no step of [[place]] sets them in every scene");
+        let help = match part {
+            Part::RecordedCameras => "add a step [[place]] kind = \"recorded\", or choose another kind",
+            _ => "add a step that sets it",
+        };
+        Some(DiagnosticBuilder::error(Code::Placers, stage.header.clone(), message).help(help))
+    };
+    stages.iter().filter_map(unmet).collect()
+}
+
 /// Names of supports in other slots than `[[place]]` that no step sets.
 fn unknown_supports(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilder> {
     if steps.iter().any(|step| !step.is_declared) {
@@ -273,6 +300,7 @@ fn may_name(name: &str, set: &str) -> bool {
 fn described(part: &Part) -> String {
     match part {
         Part::Floor => "floor".to_owned(),
+        Part::RecordedCameras => "cameras of a recorded scene".to_owned(),
         Part::Support(name) => format!("support `{name}`"),
         _ => "support".to_owned(),
     }

@@ -11,7 +11,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::product::{Plane, Product};
 use syntable_model::scene::{Camera, Distortion, Exposure, Intrinsics, Moment, Role, SceneId, SettleReport, ViewId};
-use syntable_testing::scenes::{body, box_mesh, object, table};
+use syntable_testing::scenes::{add_table, body, box_mesh, object};
 use syntable_testing::tools::is_there;
 
 /// Normals of this width take more than one megabyte, which is the size of a chunk.
@@ -28,9 +28,9 @@ fn writer(options: &str) -> Result<Box<dyn Writer<Scenes>>, String> {
 
 /// A scene with one object. Its number is its only property that the writer reads.
 fn scene() -> Scene {
-    let mut builder = table();
+    let mut builder = SceneBuilder::new(SceneId(4), 0);
+    add_table(&mut builder);
     builder.add(body(object("box", box_mesh([0.1; 3]), [0.5; 3]), [0.0; 3], Role::Object));
-    builder.id = SceneId(4);
     builder.freeze(SettleReport::default()).expect("a scene")
 }
 

@@ -18,7 +18,7 @@ use syntable_model::scene::{
 };
 use syntable_model::store::{MemStore, StoreFolder};
 use syntable_testing::folder::files_of_store;
-use syntable_testing::scenes::{body, box_mesh, object, table};
+use syntable_testing::scenes::{add_table, body, box_mesh, object};
 use syntable_testing::takes::open_dataset;
 use syntable_testing::tools::is_there;
 
@@ -197,9 +197,9 @@ fn dataset() -> DatasetInfo {
 
 /// A scene whose number is its only property that the writer reads.
 fn scene(id: u32) -> Result<Scene> {
-    let mut builder = table();
+    let mut builder = SceneBuilder::new(SceneId(id), 0);
+    add_table(&mut builder);
     builder.add(body(object("box", box_mesh([0.1; 3]), [0.5; 3]), [0.0; 3], Role::Object));
-    builder.id = SceneId(id);
     builder.freeze(SettleReport::default())
 }
 

@@ -1,7 +1,11 @@
-//! Level areas of a mesh that carry objects: the bottom of a bin, the boards of a shelf, a tabletop.
+//! Level areas of bodies that carry objects: the bottom of a bin, the boards of a shelf, a tabletop.
 
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+use syntable_model::digest::Digest;
 use syntable_model::geometry::Point3;
-use syntable_model::scene::{Mesh, Region, SupportArea, Walls};
+use syntable_model::prelude::*;
+use syntable_model::scene::{Mesh, Object, Region, Support, SupportArea, Walls};
 
 /// Cells along each edge of the mesh's bounding rectangle.
 const CELLS: usize = 96;
@@ -23,6 +27,56 @@ const MIN_CLEAR_M: f64 = 0.05;
 
 /// Walls are at least this high, meters.
 const MIN_WALL_M: f64 = 0.015;
+
+/// Adds the areas of a body at a pose to the supports of a scene. The support of a body with one area has the name; several areas have
+/// the name and a number, from the lowest. The number of the body, if any, comes first. Their space ends at a height, if any.
+pub fn add_supports(
+    scene: &mut SceneBuilder,
+    (name, body): (&str, Option<usize>),
+    areas: &[SupportArea],
+    world_from_body: &Pose,
+    end: Option<f64>,
+) -> Result<()> {
+    for (index, area) in areas.iter().enumerate() {
+        let mut name = name.to_owned();
+        if let Some(body) = body {
+            name += &format!("/{}", body + 1);
+        }
+        if areas.len() > 1 {
+            name += &format!("/{}", index + 1);
+        }
+        let support = Support::of_area(name, area, world_from_body);
+        // A bin on a board has the rest of the board's space.
+        let rest = end.map(|end| end - support.height()).into_iter().chain(support.clear_height_m);
+        let clear_height_m = rest.reduce(f64::min);
+        scene.supports.add(match clear_height_m {
+            Some(height) => support.with_clear_height(height),
+            None => support,
+        })?;
+    }
+    Ok(())
+}
+
+/// The areas of objects, kept for those whose meshes were searched.
+#[derive(Debug, Default)]
+pub struct FoundAreas(Mutex<BTreeMap<Digest, Vec<SupportArea>>>);
+
+impl Clone for FoundAreas {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl FoundAreas {
+    /// The areas that an object states, or else those of its mesh.
+    pub fn of(&self, object: &Object) -> Vec<SupportArea> {
+        if !object.support_areas.is_empty() {
+            return object.support_areas.clone();
+        }
+        let mut found = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        found.entry(object.digest).or_insert_with(|| support_areas(&object.mesh)).clone()
+    }
+}
 
 /// The areas of a mesh, body frame, lowest first. Each is the largest rectangle along the axes in which level faces are at one height,
 /// with free space above. An area with walls on all four sides gets the height of the lowest one.

@@ -1,6 +1,6 @@
 //! Bodies that carry objects: bins, shelves, conveyors.
 
-use crate::areas::support_areas;
+use crate::areas::{FoundAreas, add_supports};
 use crate::bearing::holds;
 use crate::bounds::rotated_bounds;
 use crate::dist_list::dist_list;
@@ -10,9 +10,7 @@ use crate::objects::FRICTION;
 use crate::resting::RestingShapes;
 use crate::variation::{ColorChange, FinishChange, SCALE, Variation, resized};
 use schemars::{Schema, SchemaGenerator};
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
-use syntable_model::digest::Digest;
+use std::sync::Arc;
 use syntable_model::geometry::{UnitQuaternion, Vector3, space_around};
 use syntable_model::prelude::*;
 use syntable_model::scene::{BodyDraft, Motion, Object, Region, Role, SupportArea};
@@ -93,16 +91,6 @@ pub struct Support {
     shapes: RestingShapes,
 }
 
-/// The areas that were found on meshes so far.
-#[derive(Debug, Default)]
-struct FoundAreas(Mutex<BTreeMap<Digest, Vec<SupportArea>>>);
-
-impl Clone for FoundAreas {
-    fn clone(&self) -> Self {
-        Self::default()
-    }
-}
-
 fn position_schema(generator: &mut SchemaGenerator) -> Schema {
     dist_list(generator, 2, POSITION_M)
 }
@@ -170,23 +158,8 @@ impl Placer for Support {
             let body = self.variation().painted(body, context.assets, &stream)?;
             let friction = self.friction.as_ref().map(|dist| dist.draw(&mut stream.child("friction")));
             let body = BodyDraft { friction: friction.unwrap_or(body.friction), ..body };
-            for (index, area) in areas.iter().enumerate() {
-                let mut name = self.name.clone();
-                if self.count.range().1 > 1 {
-                    name += &format!("/{}", number + 1);
-                }
-                if areas.len() > 1 {
-                    name += &format!("/{}", index + 1);
-                }
-                let support = syntable_model::scene::Support::of_area(name, area, &pose);
-                // A bin on a board has the rest of the board's space.
-                let rest = end.map(|end| end - support.height()).into_iter().chain(support.clear_height_m);
-                let clear_height_m = rest.reduce(f64::min);
-                scene.supports.add(match clear_height_m {
-                    Some(height) => support.with_clear_height(height),
-                    None => support,
-                })?;
-            }
+            let number = (self.count.range().1 > 1).then_some(number);
+            add_supports(scene, (&self.name, number), &areas, &pose, end)?;
             scene.add(body);
             taken.push(footprint);
         }
@@ -206,16 +179,12 @@ impl Support {
 
     /// The areas of an object that carry others.
     fn areas(&self, object: &Object) -> Result<Vec<SupportArea>> {
-        if !object.support_areas.is_empty() {
-            return Ok(object.support_areas.clone());
-        }
-        let mut found = self.found.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let areas = found.entry(object.digest).or_insert_with(|| support_areas(&object.mesh));
+        let areas = self.found.of(object);
         if areas.is_empty() {
             let message = "no part of it is level and free above, so it carries no objects";
             return Err(Error::new(message).help("state its area: [[place]] kind = \"mesh\" with `supports`"));
         }
-        Ok(areas.clone())
+        Ok(areas)
     }
 
     /// A pose at which a body overlaps no other one, and its footprint.

@@ -311,17 +311,17 @@ impl BopImageRecord {
         }
     }
 
-    /// The color image.
-    pub fn rgb(&self) -> Result<Plane<[u8; 3]>> {
+    /// The file of the color image.
+    pub fn color_file(&self) -> Result<FileContent> {
         match &self.place {
             ImageFiles::Folder(folder) => {
                 let name = |extension: &str| BopImage::Rgb.path_as(ViewId(self.number), extension);
                 let found = ["png", "jpg"].map(name).into_iter().find(|name| folder.path().join(name).is_file());
-                decode::rgb(&folder.file(found.unwrap_or_else(|| name("png")))?)
+                FileContent::read(&folder.file(found.unwrap_or_else(|| name("png")))?)
             }
             ImageFiles::TarSample { fields, .. } => {
                 let found = COLORS.iter().find(|field| fields.contains_key(**field)).unwrap_or(&COLORS[0]);
-                self.member(found)?.content()?.rgb()
+                self.member(found)?.content()
             }
         }
     }

@@ -201,8 +201,10 @@ impl ImageSource for BopSource {
         let record = &self.images[image];
         let wanted = |key: KeyId| wants.contains(&key);
         let (mut products, mut unread) = (Products::new(), Vec::new());
-        let rgb = record.rgb()?;
-        let (width, height) = (rgb.width(), rgb.height());
+        let file = record.color_file()?;
+        // Rebuilt scenes need the size of each image alone.
+        let rgb = if wanted(RGB.id()) { Some(file.rgb()?) } else { None };
+        let [width, height] = rgb.as_ref().map_or_else(|| file.size(), |rgb| Ok([rgb.width(), rgb.height()]))?;
         if wanted(OBJECT_MODELS.id()) {
             let (models, failed) = self.models_of(self.refs[image].scene);
             products.put(OBJECT_MODELS, models)?;
@@ -211,7 +213,7 @@ impl ImageSource for BopSource {
         let masks_wanted = read::KnownMasks::Both.offers().into_iter().any(wanted);
         let labels = if masks_wanted { record.labels(&self.categories, [width, height])? } else { Vec::new() };
         read::put(&labels, None, wants, &mut products)?;
-        if wanted(RGB.id()) {
+        if let Some(rgb) = rgb {
             products.put(RGB, rgb)?;
         }
         if wanted(DEPTH.id()) {
@@ -309,8 +311,7 @@ impl BopSource {
 
     /// The rules that numbers break, given the masks. Unreadable masks are a separate fault.
     fn faults_of_masks(&self, record: &BopImageRecord) -> Vec<DatasetFault> {
-        let Ok(rgb) = record.rgb() else { return Vec::new() };
-        let size = [rgb.width(), rgb.height()];
+        let Ok(size) = record.color_file().and_then(|file| file.size()) else { return Vec::new() };
         let mut all: Vec<DatasetFault> =
             self.camera.iter().filter_map(|camera| check::faults_of_camera(camera, size)).collect();
         let Ok(labels) = record.labels(&self.categories, size) else { return all };

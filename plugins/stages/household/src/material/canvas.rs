@@ -103,9 +103,18 @@ impl MaterialCanvas {
         }
     }
 
-    /// Blends a color and an opacity in [0, 1], both functions of the position, within a box `[x0, y0, x1, y1]`.
+    /// Blends a color and an opacity in [0, 1], both functions of the position, within a box `[x0, y0, x1, y1]`. The finish follows.
     /// Columns beyond the left or right edge wrap around.
     pub fn blend(&mut self, bounds: [f32; 4], f: impl Fn(f32, f32) -> (SrgbColor, f32)) {
+        self.cover(bounds, f, true);
+    }
+
+    /// As [`blend`](Self::blend), under the finish that is there: light and shadow of the print.
+    pub fn tint(&mut self, bounds: [f32; 4], f: impl Fn(f32, f32) -> (SrgbColor, f32)) {
+        self.cover(bounds, f, false);
+    }
+
+    fn cover(&mut self, bounds: [f32; 4], f: impl Fn(f32, f32) -> (SrgbColor, f32), with_finish: bool) {
         let [x0, y0, x1, y1] = bounds;
         let [cx0, cy0, cx1, cy1] = self.clip;
         let (y0, y1) = (y0.floor().max(0.0).max(cy0.round()), y1.ceil().min(self.height as f32).min(cy1.round()));
@@ -119,7 +128,7 @@ impl MaterialCanvas {
                 if cover > 0.0 {
                     let i = y * self.width + x.rem_euclid(self.width as isize) as usize;
                     self.texels[i] = super::mix(self.texels[i], color, cover);
-                    let (old, new) = (self.finishes[i], self.finish);
+                    let (old, new) = (self.finishes[i], if with_finish { self.finish } else { self.finishes[i] });
                     let between = |a: f32, b: f32| a + (b - a) * cover.min(1.0);
                     self.finishes[i] = PrintFinish {
                         roughness: between(old.roughness, new.roughness),
@@ -252,13 +261,11 @@ impl MaterialCanvas {
 
     /// A soft shadow: an ellipse whose opacity fades from `strength` at its center to 0 at its edge.
     pub fn shadow(&mut self, [cx, cy]: [f32; 2], [rx, ry]: [f32; 2], strength: f32) {
-        let finish = self.finish;
-        self.blend([cx - rx, cy - ry, cx + rx, cy + ry], |x, y| {
+        self.tint([cx - rx, cy - ry, cx + rx, cy + ry], |x, y| {
             let d = ((x - cx) / rx) * ((x - cx) / rx) + ((y - cy) / ry) * ((y - cy) / ry);
             let fade = (1.0 - d).max(0.0);
             ([0.08, 0.06, 0.05], strength * fade * fade)
         });
-        self.finish = finish;
     }
 
     /// A vertical gradient in a rectangle, from the first color at the top to the second at the bottom.

@@ -12,6 +12,7 @@ pub use options::Arrange;
 use item::Items;
 use site::Sites;
 use syntable_model::prelude::*;
+use syntable_model::scene::is_in_group;
 
 impl Config for Arrange {
     type Stage = dyn Placer;
@@ -40,6 +41,9 @@ impl Placer for Arrange {
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
+        if !self.annotated && self.support.as_ref().is_some_and(|name| !has_support(scene, name.as_str())) {
+            return Ok(());
+        }
         let mut sites = Sites::new(self, scene, context)?;
         let mut items = Items::new(self, context)?;
         fill::fill(self, &mut sites, &mut items, &context.stream)?;
@@ -54,4 +58,9 @@ impl Placer for Arrange {
         }
         Ok(())
     }
+}
+
+/// Whether the scene has a support of a name or group. Furnishings that an earlier step names need not carry anything.
+fn has_support(scene: &SceneBuilder, name: &str) -> bool {
+    scene.supports.iter().any(|support| is_in_group(&support.name, name))
 }

@@ -14,6 +14,13 @@ const RESTS_WITHIN_M: f64 = 0.008;
 /// Normals within this angle belong to one plane: 5°.
 const SAME_PLANE_COS: f64 = 0.996;
 
+/// The vertical in the frame of a camera that looks down at 55°, x right, y down, z forward: the side of the ground from which
+/// cameras at 10° to 90° see a scene.
+const LIKELY_UP: Vector3<f64> = Vector3::new(0.0, -0.574, -0.819);
+
+/// Planes within this angle of the likeliest are as likely: 15°.
+const LIKELY_COS: f64 = 0.966;
+
 /// Gap between the lowest point of a rebuilt scene and its support, meters.
 const GAP_M: f64 = 1e-4;
 
@@ -41,9 +48,10 @@ pub type Corners = Vec<Vec<Point3<f64>>>;
 pub fn on_support(frame: RecordedFrame, objects: &Corners, camera: &Pose, support: &Support, yaw: f64) -> Result<Pose> {
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
     let rotation = match frame {
-        RecordedFrame::ZUp | RecordedFrame::World => turn,
+        RecordedFrame::World => return Ok(Pose::identity()),
+        RecordedFrame::ZUp => turn,
         RecordedFrame::RestingPlane => {
-            let up = resting_plane(objects, &camera.translation.vector.into()).ok_or_else(|| {
+            let up = resting_plane(objects, camera).ok_or_else(|| {
                 Error::new("the recorded objects rest on no plane below their camera")
                     .help("set `frame = \"z_up\"`, or `frame = \"world\"`")
             })?;
@@ -69,9 +77,10 @@ fn upright(up: &Vector3<f64>, camera: &Pose) -> UnitQuaternion<f64> {
     UnitQuaternion::from_basis_unchecked(&recorded_axes).inverse()
 }
 
-/// The direction, recorded frame, that points up from the plane on which most objects rest; of equals, the plane with the largest area.
-/// The plane is a face of the convex hull of all objects, and the camera is above it.
-fn resting_plane(objects: &Corners, camera: &Point3<f64>) -> Option<Vector3<f64>> {
+/// The direction, recorded frame, that points up from the plane on which most objects rest. The plane is a face of the convex hull of
+/// all objects, and the camera is above it. Of planes on which equally many rest, it faces the top of the image and the camera, as
+/// the ground does, and of those within 15° it is the one with the largest area.
+fn resting_plane(objects: &Corners, camera: &Pose) -> Option<Vector3<f64>> {
     let first = objects.iter().flatten().next()?.coords;
     let points: Vec<[f32; 3]> = objects.iter().flatten().map(|p| (p.coords - first).map(|x| x as f32).into()).collect();
     let hull = ConvexHull::new(&points, &HULL)?;
@@ -85,16 +94,22 @@ fn resting_plane(objects: &Corners, camera: &Point3<f64>) -> Option<Vector3<f64>
             Some((-across.try_normalize(1e-12)?, across.norm() / 2.0, a))
         })
         .collect();
-    let rank = |(up, _, at): &(Vector3<f64>, f64, Vector3<f64>)| {
+    let eye = camera.translation.vector;
+    let resting = |(up, _, at): &(Vector3<f64>, f64, Vector3<f64>)| {
         let rests = |object: &&Vec<Point3<f64>>| object.iter().any(|p| up.dot(&(p.coords - at)) <= RESTS_WITHIN_M);
-        let area: f64 =
-            faces.iter().filter(|(other, ..)| other.dot(up) >= SAME_PLANE_COS).map(|(_, area, _)| area).sum();
-        (objects.iter().filter(rests).count(), area)
+        objects.iter().filter(rests).count()
     };
-    let below = faces.iter().filter(|(up, _, at)| up.dot(&(camera.coords - at)) > 0.0);
-    let ranked = below.map(|face| (rank(face), face));
-    let best = ranked.reduce(|best, other| if other.0 > best.0 { other } else { best });
-    best.map(|(_, (up, ..))| *up)
+    let below = faces.iter().filter(|(up, _, at)| up.dot(&(eye - at)) > 0.0);
+    let ranked: Vec<(usize, Vector3<f64>)> = below.map(|face| (resting(face), face.0)).collect();
+    let most = ranked.iter().map(|(count, _)| *count).max()?;
+    let ups: Vec<Vector3<f64>> = ranked.into_iter().filter(|(count, _)| *count == most).map(|(_, up)| up).collect();
+    let toward = camera.rotation * LIKELY_UP;
+    let likely = ups.iter().copied().max_by(|a, b| a.dot(&toward).total_cmp(&b.dot(&toward)))?;
+    let area = |up: &Vector3<f64>| -> f64 {
+        faces.iter().filter(|(other, ..)| other.dot(up) >= SAME_PLANE_COS).map(|(_, area, _)| area).sum()
+    };
+    let near = ups.into_iter().filter(|up| up.dot(&likely) >= LIKELY_COS);
+    near.max_by(|a, b| area(a).total_cmp(&area(b)))
 }
 
 #[cfg(test)]
@@ -163,5 +178,33 @@ mod tests {
         let found = on_support(RecordedFrame::ZUp, &objects, &camera, &support, 0.0).expect("placed");
         assert_eq!(found.rotation, UnitQuaternion::identity());
         assert!((found.translation.z - 0.5 - GAP_M).abs() < 1e-12);
+    }
+    /// Corners of a convex body from its base at z = 0 to a height.
+    fn upright(outline: &[[f64; 2]], height: f64) -> Vec<Point3<f64>> {
+        outline.iter().flat_map(|p| [0.0, height].map(|z| Point3::new(p[0], p[1], z))).collect()
+    }
+
+    #[test]
+    fn tall_things_stand_as_they_were_seen() {
+        let carton = upright(&[[-0.095, -0.03], [0.095, -0.03], [0.095, 0.03], [-0.095, 0.03]], 0.275);
+        let can = |x: f64| {
+            let corner = |i: i32| {
+                let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(i) / 32.0);
+                [x + 0.033 * cos, 0.033 * sin]
+            };
+            upright(&(0..32).map(corner).collect::<Vec<_>>(), 0.12)
+        };
+        for objects in [vec![carton], vec![can(0.0), can(0.2)], vec![can(0.0)]] {
+            for elevation in [15.0_f64, 30.0, 50.0, 70.0, 85.0] {
+                for azimuth in 0..12 {
+                    let (sin, cos) = libm::sincos(elevation.to_radians());
+                    let (y, x) = libm::sincos(std::f64::consts::TAU * (f64::from(azimuth) + 0.3) / 12.0);
+                    let eye = Point3::new(0.8 * cos * x, 0.8 * cos * y, 0.8 * sin);
+                    let camera = look_at(eye, Point3::new(0.05, 0.0, 0.06), Vector3::z());
+                    let up = resting_plane(&objects, &camera).expect("a plane");
+                    assert!(up.z > 0.999, "{elevation} {azimuth}: {up}");
+                }
+            }
+        }
     }
 }

@@ -9,23 +9,24 @@ use crate::material::MaterialReplacement;
 use crate::resting::RestingShapes;
 use crate::variation::{ColorChange, FinishChange, Variation, resized};
 use frame::{RecordedFrame, on_support};
-use object::KnownAssets;
+use object::{RecordedObject, asset_of};
 use scenes::{RecordedScene, RecordedScenes, RecordedUnit, Selection};
 use std::sync::{Arc, Mutex, PoisonError};
-use swap::{Swap, Swapped};
+use swap::{Place, Swap, Swapped};
 use syntable_model::geometry::{Aabb, Point3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetRef, BodyDraft, DropZone, Motion, Object, RecordedCamera, Role};
 
-/// Rebuilds the scenes of a dataset: the same objects at the same poses before the same cameras.
+/// Rebuilds the scenes of a dataset: the same objects at the same poses, seen by the same cameras.
 ///
 /// The dataset can have any format that states cameras and poses of objects: BOP's `scene_gt.json` and `scene_camera.json`, or the
 /// products `camera` and `object_info` of a dataset of this program. Scene `i` of the new dataset rebuilds scene `i` of the
 /// recorded one, and starts again after the last one. The recipe gives the lights, materials, tables and rooms, and the kinds
 /// `recorded` of `[views]` and `[camera]` give the views of the recorded cameras.
 ///
-/// An object is found in the pools of `from`: by its pool and name as in the dataset, by its number (`obj_id`), or else by its name.
-/// Objects stay where they were recorded, even where their meshes overlap a little, unless `fixed = false`.
+/// An object is found in the pools of `from` by its pool and name as in the dataset, or else by its name alone. If the dataset names
+/// objects by their numbers, as BOP does, it is found by its number (`obj_id`). Images and scenes that cannot be read are left out, and
+/// so later scenes get other numbers. Objects stay where they were recorded, even where their meshes overlap a little, unless `fixed = false`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Recorded {
@@ -44,7 +45,7 @@ pub struct Recorded {
     #[serde(default = "each")]
     #[schemars(range(min = 1, max = 1_000_000))]
     every: u32,
-    /// Numbers of the recorded scenes to rebuild; all by default.
+    /// Numbers of the recorded scenes to rebuild, in the order of the dataset; all by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1))]
     scenes: Option<Vec<u32>>,
@@ -61,7 +62,7 @@ pub struct Recorded {
     /// Treatment of objects that no pool of `from` has.
     #[serde(default)]
     missing: Missing,
-    /// Replaces some objects by others of their size, such as `{ from = "household", probability = 0.3 }`.
+    /// Replaces some objects by others of about their size, such as `{ from = "household", probability = 0.3 }`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     swap: Option<Swap>,
     /// Changes the colors of some objects.
@@ -79,10 +80,6 @@ pub struct Recorded {
     /// Whether the objects stay where they were recorded. Otherwise, physics lets them settle from there.
     #[serde(default = "yes")]
     fixed: bool,
-    #[serde(skip)]
-    opened: Opened,
-    #[serde(skip)]
-    shapes: RestingShapes,
 }
 
 /// Treatment of recorded objects that no pool has.
@@ -111,22 +108,6 @@ fn straight() -> Dist {
     Dist::Constant(0.0)
 }
 
-/// The open dataset, after the first scene has been placed.
-#[derive(Default)]
-struct Opened(Mutex<Option<Arc<RecordedScenes>>>);
-
-impl std::fmt::Debug for Opened {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Opened")
-    }
-}
-
-impl Clone for Opened {
-    fn clone(&self) -> Self {
-        Self::default()
-    }
-}
-
 impl Config for Recorded {
     type Stage = dyn Placer;
     const KIND: &'static str = "recorded";
@@ -145,40 +126,67 @@ impl Config for Recorded {
             if self.support.is_some() && self.fixed {
                 return Err(ConfigError::new("support", message("support")).help(help));
             }
+            if self.swap.is_some() {
+                let message = "objects that are swapped stand upright, and the frame `world` need not have a vertical";
+                return Err(ConfigError::new("swap", message).help(help));
+            }
         }
-        Ok(Box::new(self))
+        Ok(Box::new(RecordedPlacer { options: self, opened: Mutex::default(), shapes: RestingShapes::default() }))
     }
 }
 register!(Recorded);
 
-impl Placer for Recorded {
+struct RecordedPlacer {
+    options: Recorded,
+    /// The dataset, after the first scene has been placed.
+    opened: Mutex<Option<Arc<RecordedScenes>>>,
+    shapes: RestingShapes,
+}
+
+impl Placer for RecordedPlacer {
     fn parts(&self) -> Option<Vec<PartUse>> {
-        let needs = self.frame != RecordedFrame::World || self.support.is_some();
-        Some(needs.then(|| PartUse::Needs(Part::support(self.support.as_ref()))).into_iter().collect())
+        let Recorded { frame, support, .. } = &self.options;
+        let needs = *frame != RecordedFrame::World || support.is_some();
+        let needs = needs.then(|| PartUse::Needs(Part::support(support.as_ref())));
+        Some([PartUse::Sets(Part::RecordedCameras)].into_iter().chain(needs).collect())
     }
 
     fn places_objects(&self) -> bool {
-        self.annotated
+        self.options.annotated
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
-        let recorded = self.opened()?;
-        let number = scene.id.0 as usize % recorded.count();
-        let RecordedScene { objects, cameras } =
-            recorded.read(number).map_err(|error| error.in_file(self.dataset.path()))?;
+        let Recorded { dataset, support, fixed, .. } = &self.options;
+        let scenes = self.opened(context)?;
+        let number = scene.id().0 as usize % scenes.count();
+        let in_dataset = |error: Error| error.in_file(dataset.path());
+        let RecordedScene { objects, cameras, is_in_world, left_out } = scenes.read(number).map_err(in_dataset)?;
+        left_out.iter().for_each(|left_out| context.log.left_out(left_out));
         let mut found = self.found(&objects, context)?;
-        let recording = self.recording(&found, &cameras, scene, context)?;
+        let image = cameras.first().map_or("", |first| first.image.as_str());
+        let in_image = |error: Error| in_dataset(error.context(format!("`{image}`")));
+        if found.is_empty() && self.options.annotated {
+            let message = "no object of the recorded scene is left to rebuild";
+            let help = "leave its scene out of `scenes`, or add the pools of its models to `from`";
+            return Err(in_image(Error::new(message).help(help)));
+        }
+        if !is_in_world && self.options.frame != RecordedFrame::RestingPlane {
+            let message = "the dataset does not state the pose of its camera, so the recorded frame has no vertical";
+            return Err(in_image(Error::new(message).help("set `frame = \"resting_plane\"`")));
+        }
+        let recording = self.recording(&found, &cameras, scene, context).map_err(in_image)?;
         for placed in &mut found {
             placed.pose = recording * placed.pose;
         }
-        for (number, placed) in found.into_iter().enumerate() {
-            let body = self.body(placed, &context.stream.child("object").at(number as u64), context)?;
-            match scene.support(self.support.as_ref()).ok().cloned() {
-                Some(support) if !self.fixed => {
-                    scene.drop_body(body, DropZone { starts_at_rest: true, ..DropZone::on(support) });
-                }
-                _ => drop(scene.add(body)),
-            }
+        let zone = match fixed {
+            true => None,
+            false => Some(DropZone { starts_at_rest: true, ..DropZone::on(scene.support(support.as_ref())?.clone()) }),
+        };
+        for body in self.bodies(found, context)? {
+            match &zone {
+                Some(zone) => scene.drop_body(body, zone.clone()),
+                None => scene.add(body),
+            };
         }
         let in_world = |RecordedCamera { mut camera, image }: RecordedCamera| {
             camera.world_from_camera = recording * camera.world_from_camera;
@@ -212,43 +220,62 @@ impl Recorded {
             finish: self.finish.as_ref(),
         }
     }
+}
 
+impl RecordedPlacer {
     /// The dataset, which the first call opens.
-    fn opened(&self) -> Result<Arc<RecordedScenes>> {
-        let mut opened = self.opened.0.lock().unwrap_or_else(PoisonError::into_inner);
+    fn opened(&self, context: &Context) -> Result<Arc<RecordedScenes>> {
+        let mut opened = self.opened.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(scenes) = &*opened {
             return Ok(Arc::clone(scenes));
         }
-        let selection = Selection { per: self.per, every: self.every, scenes: self.scenes.as_deref() };
-        let scenes = Arc::new(RecordedScenes::open(self.dataset.path(), self.format.as_deref(), &selection)?);
+        let Recorded { dataset, format, per, every, scenes, .. } = &self.options;
+        let selection = Selection { per: *per, every: *every, scenes: scenes.as_deref() };
+        let scenes = Arc::new(RecordedScenes::open(dataset.path(), format.as_deref(), &selection)?);
+        if let Some((count, why)) = scenes.lost() {
+            let what = "files or records of the dataset cannot be read, and the images with them are not rebuilt";
+            context.log.left_out(&LeftOut::new(count, count, what).help(format!("the first one: {why}")));
+        }
         *opened = Some(Arc::clone(&scenes));
         Ok(scenes)
     }
 
     /// The objects of a scene with their assets.
-    fn found(&self, objects: &[object::RecordedObject], context: &Context) -> Result<Vec<FoundObject>> {
-        let known = KnownAssets::of(&self.from, context)?;
+    fn found(&self, objects: &[RecordedObject], context: &Context) -> Result<Vec<FoundObject>> {
+        let Recorded { dataset, from, missing, .. } = &self.options;
         context.assets.expect(objects.len());
-        let mut found = Vec::new();
+        let (mut found, mut other) = (Vec::new(), Vec::new());
         for recorded in objects {
-            let Some(asset) = known.asset(recorded) else {
+            let asset = asset_of(recorded, from, context).map_err(|error| error.in_file(dataset.path()))?;
+            let Some(asset) = asset else {
                 let number = recorded.obj_id.map_or(String::new(), |number| format!(" (`obj_id` {number})"));
-                if self.missing == Missing::LeaveOut {
+                if *missing == Missing::LeaveOut {
                     continue;
                 }
-                let pools = self.from.names().join("`, `");
+                let pools = from.names().join("`, `");
                 let message = format!("the recorded object `{}`{number} is in none of `{pools}`", recorded.asset);
-                return Err(Error::new(message).in_file(self.dataset.path()).help(
+                return Err(Error::new(message).in_file(dataset.path()).help(
                     "add the pool of its model to `from`, such as the kind `bop_models`, or set `missing = \"leave_out\"`",
                 ));
             };
-            let object = context.assets.get(asset).and_then(Asset::into_object);
-            let object = resized(object?, recorded.scale).map_err(|error| error.context(asset.to_string()))?;
+            let object = context.assets.get(&asset).and_then(Asset::into_object)?;
+            let object = resized(object, recorded.scale).map_err(|error| {
+                // Another attempt rebuilds the same object.
+                Error::new(error.message().to_owned()).context(asset.to_string()).in_file(dataset.path())
+            })?;
+            if recorded.differs_from(&object.digest) {
+                other.push(asset.to_string());
+            }
             let pose = recorded.recording_from_body(&object);
-            found.push(FoundObject { asset: asset.clone(), object, pose });
+            found.push(FoundObject { asset, object, pose });
         }
         let what = "recorded objects are left out: no pool of `from` has their models";
         context.log.left_out(&LeftOut::new(objects.len() - found.len(), objects.len(), what));
+        if let Some(first) = other.first() {
+            let message = format!("{} of {} recorded objects have another model now", other.len(), objects.len());
+            let help = format!("give their pools the options with which the dataset was made; the first is `{first}`");
+            context.log.warn(&Error::new(message).help(help).in_file(dataset.path()));
+        }
         Ok(found)
     }
 
@@ -260,34 +287,37 @@ impl Recorded {
         scene: &SceneBuilder,
         context: &Context,
     ) -> Result<Pose> {
-        let yaw = self.yaw_deg.draw(&mut context.stream.child("yaw")).to_radians();
-        let camera = cameras.first().map_or_else(Pose::identity, |first| first.camera.world_from_camera);
-        if self.frame == RecordedFrame::World || objects.is_empty() {
+        let Recorded { frame, support, yaw_deg, .. } = &self.options;
+        if *frame == RecordedFrame::World || objects.is_empty() {
             return Ok(Pose::identity());
         }
-        let support = scene.support(self.support.as_ref())?;
+        let yaw = yaw_deg.draw(&mut context.stream.child("yaw")).to_radians();
+        let camera = cameras.first().map_or_else(Pose::identity, |first| first.camera.world_from_camera);
         let corners = objects.iter().map(|object| object.corners(&self.shapes, context)).collect();
-        on_support(self.frame, &corners, &camera, support, yaw).map_err(|error| {
-            let image = cameras.first().map_or("", |first| first.image.as_str());
-            error.context(format!("`{image}`")).in_file(self.dataset.path())
-        })
+        on_support(*frame, &corners, &camera, scene.support(support.as_ref())?, yaw)
     }
 
-    /// The body of an object, or of another at its place.
-    fn body(&self, placed: FoundObject, stream: &Stream, context: &Context) -> Result<BodyDraft> {
-        let other = match &self.swap {
-            Some(swap) => {
-                let bounds = Aabb::of(placed.corners(&self.shapes, context));
-                swap.draw(&bounds, &self.shapes, stream, context)?
-            }
-            None => None,
+    /// The bodies of objects, or of others at their places.
+    fn bodies(&self, objects: Vec<FoundObject>, context: &Context) -> Result<Vec<BodyDraft>> {
+        let Recorded { swap, annotated, fixed, .. } = &self.options;
+        let bounds: Vec<Aabb> = match swap {
+            Some(_) => objects.iter().map(|object| Aabb::of(object.corners(&self.shapes, context))).collect(),
+            None => Vec::new(),
         };
-        let FoundObject { asset, object, pose } = placed;
-        let Swapped { asset, object, world_from_body } =
-            other.unwrap_or(Swapped { asset, object, world_from_body: pose });
-        let role = if self.annotated { Role::Object } else { Role::Distractor };
-        let motion = if self.fixed { Motion::Fixed } else { Motion::Dynamic };
-        let body = BodyDraft::new(asset, object, world_from_body, role, motion);
-        self.variation().painted(body, context.assets, stream)
+        let role = if *annotated { Role::Object } else { Role::Distractor };
+        let motion = if *fixed { Motion::Fixed } else { Motion::Dynamic };
+        let body = |(number, placed): (usize, FoundObject)| {
+            let stream = context.stream.child("object").at(number as u64);
+            let other = match swap {
+                Some(swap) => swap.draw(&Place::among(&bounds, number), &self.shapes, &stream, context)?,
+                None => None,
+            };
+            let FoundObject { asset, object, pose } = placed;
+            let Swapped { asset, object, world_from_body } =
+                other.unwrap_or(Swapped { asset, object, world_from_body: pose });
+            let body = BodyDraft::new(asset, object, world_from_body, role, motion);
+            self.options.variation().painted(body, context.assets, &stream)
+        };
+        objects.into_iter().enumerate().map(body).collect()
     }
 }

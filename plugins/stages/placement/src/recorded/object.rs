@@ -1,17 +1,17 @@
 //! Objects of a recorded image.
 
-use std::collections::BTreeMap;
+use syntable_model::digest::Digest;
 use syntable_model::geometry::{Translation3, rigid};
 use syntable_model::prelude::*;
 use syntable_model::product::Value;
-use syntable_model::reader::ImageRef;
+use syntable_model::reader::{ImageRef, is_unnamed};
 use syntable_model::scene::{AssetRef, CatalogEntry, Object};
 
-/// Maximum distance between the poses of an object that stays in its place, meters.
-const SAME_M: f64 = 0.005;
+/// Maximum distance between the poses of an object that stays in its place, millimeters.
+const SAME_MM: f64 = 5.0;
 
-/// Maximum angle between the poses of an object that stays in its place, radians.
-const SAME_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
+/// Maximum angle between the poses of an object that stays in its place, degrees.
+const SAME_DEG: f64 = 2.0;
 
 /// The fields of an entry of the product `object_info` that are read.
 #[derive(Deserialize)]
@@ -19,6 +19,8 @@ struct ObjectEntry {
     asset: String,
     #[serde(default)]
     obj_id: Option<i64>,
+    #[serde(default)]
+    digest: Option<String>,
     #[serde(default)]
     scale: Option<f64>,
     #[serde(default)]
@@ -38,6 +40,8 @@ pub struct RecordedObject {
     pub asset: String,
     /// Number of the asset, if the dataset states it.
     pub obj_id: Option<u32>,
+    /// Digest of the object at its size, if the dataset states it.
+    pub digest: Option<String>,
     /// Ratio of the lengths of the object to its asset's.
     pub scale: f64,
     /// Pose of the frame of the asset's file, at the object's scale, in the recorded frame.
@@ -45,34 +49,48 @@ pub struct RecordedObject {
 }
 
 impl RecordedObject {
-    /// The object of a value of the product `object_info`. `camera` is the pose of the camera in the recorded frame.
-    pub fn read(id: InstanceId, value: &Value, camera: &Pose, image: &ImageRef) -> Result<Self> {
+    /// The object of a value of the product `object_info`. `camera` is the pose of the camera in the recorded frame; none if the recorded
+    /// frame is the camera's.
+    pub fn read(id: InstanceId, value: &Value, camera: Option<&Pose>, image: &ImageRef) -> Result<Self> {
         let about = |error: Error| error.context(format!("object {id} of `{}`", image.name));
         let unlike = |error: serde_json::Error| about(Error::new(format!("it is not a record of an object: {error}")));
         let entry: ObjectEntry = serde_json::to_value(value).and_then(serde_json::from_value).map_err(unlike)?;
         let pose = |rows, key: &str| rigid(rows, key).map_err(|error| about(Error::new(error.message)));
-        let recording_from_object = match (entry.camera_from_object, entry.world_from_object) {
-            (Some(rows), _) => camera * pose(rows, "camera_from_object")?,
-            (None, Some(rows)) => pose(rows, "world_from_object")?,
-            (None, None) => return Err(about(Error::new("the dataset does not state its pose"))),
+        let recording_from_object = match (entry.camera_from_object, entry.world_from_object, camera) {
+            (Some(rows), _, Some(camera)) => camera * pose(rows, "camera_from_object")?,
+            (Some(rows), _, None) => pose(rows, "camera_from_object")?,
+            (None, Some(rows), Some(_)) => pose(rows, "world_from_object")?,
+            (None, Some(_), None) => {
+                return Err(about(Error::new("its pose is stated in the world, and the camera's pose is not")));
+            }
+            (None, None, _) => return Err(about(Error::new("the dataset does not state its pose"))),
         };
         let scale = entry.scale.unwrap_or(1.0);
         if !entry.model_origin_m.iter().all(|x| x.is_finite()) || !scale.is_finite() || scale <= 0.0 {
-            return Err(about(Error::new("its origin or its scale is not a number of a size")));
+            return Err(about(Error::new("`model_origin_m` must be finite, and `scale` above 0")));
         }
         let [x, y, z] = entry.model_origin_m;
         let obj_id = entry.obj_id.and_then(|id| u32::try_from(id).ok());
         let recording_from_file = recording_from_object * Translation3::new(x, y, z);
-        Ok(Self { id, asset: entry.asset, obj_id, scale, recording_from_file })
+        Ok(Self { id, asset: entry.asset, obj_id, digest: entry.digest, scale, recording_from_file })
+    }
+
+    /// Distance and angle from the pose of an object of another image, millimeters and degrees.
+    pub fn apart(&self, other: &Self) -> (f64, f64) {
+        let [own, its] = [self, other].map(|object| &object.recording_from_file);
+        let meters = (own.translation.vector - its.translation.vector).norm();
+        (1e3 * meters, own.rotation.angle_to(&its.rotation).to_degrees())
     }
 
     /// Whether an object of another image is this one at the same place.
     pub fn is(&self, other: &Self) -> bool {
-        let [own, its] = [self, other].map(|object| &object.recording_from_file);
-        self.asset == other.asset
-            && self.scale == other.scale
-            && (own.translation.vector - its.translation.vector).norm() <= SAME_M
-            && own.rotation.angle_to(&its.rotation) <= SAME_RAD
+        let (millimeters, degrees) = self.apart(other);
+        self.asset == other.asset && self.scale == other.scale && millimeters <= SAME_MM && degrees <= SAME_DEG
+    }
+
+    /// Whether an object has another shape or another look than the recorded one. False if the dataset does not state its digest.
+    pub fn differs_from(&self, digest: &Digest) -> bool {
+        self.digest.as_ref().is_some_and(|recorded| *recorded != digest.to_string())
     }
 
     /// Pose of the body of an object in the recorded frame: its pool may have moved the origin of the file.
@@ -81,36 +99,39 @@ impl RecordedObject {
     }
 }
 
-/// The assets of some pools, for objects of recorded scenes.
-pub struct KnownAssets<'c> {
-    by_full_name: BTreeMap<String, AssetRef>,
-    by_number: BTreeMap<u32, AssetRef>,
-    by_name: BTreeMap<&'c str, AssetRef>,
-}
-
-impl<'c> KnownAssets<'c> {
-    /// The assets of pools. Of several with one number or one name, the first counts.
-    pub fn of(pools: &ObjectPools, context: &Context<'c>) -> Result<Self> {
-        let mut known = Self { by_full_name: BTreeMap::new(), by_number: BTreeMap::new(), by_name: BTreeMap::new() };
-        for pool in pools.names() {
-            let in_labels = context.assets.pool_name(pool).to_owned();
-            for CatalogEntry { name, obj_id, .. } in context.assets.entries(pool)? {
-                let asset = AssetRef { pool: in_labels.clone(), name: name.clone() };
-                known.by_full_name.entry(format!("{pool}/{name}")).or_insert_with(|| asset.clone());
-                if let Some(number) = obj_id {
-                    known.by_number.entry(*number).or_insert_with(|| asset.clone());
-                }
-                let last = name.rsplit('/').next().unwrap_or(name);
-                known.by_name.entry(last).or_insert(asset);
-            }
+/// The asset of a recorded object in some pools: the asset with its pool and name; or else, the only one with its name; or else, if the
+/// dataset names objects by their numbers, the only one with its number. None if the pools have no such asset.
+///
+/// # Errors
+/// If several assets have the name or the number.
+pub fn asset_of(object: &RecordedObject, pools: &ObjectPools, context: &Context) -> Result<Option<AssetRef>> {
+    let entries = |pool: &str| -> Result<Vec<(AssetRef, Option<u32>)>> {
+        let in_labels = context.assets.pool_name(pool).to_owned();
+        let entry = |it: &CatalogEntry| (AssetRef { pool: in_labels.clone(), name: it.name.clone() }, it.obj_id);
+        Ok(context.assets.entries(pool)?.iter().map(entry).collect())
+    };
+    for pool in pools.names() {
+        let Some(name) = object.asset.strip_prefix(pool).and_then(|rest| rest.strip_prefix('/')) else { continue };
+        if let Ok(place) = context.assets.entries(pool)?.binary_search_by(|it| it.name.as_str().cmp(name)) {
+            return Ok(Some(entries(pool)?.swap_remove(place).0));
         }
-        Ok(known)
     }
-
-    /// The asset of a recorded object: the asset with its pool and name, with its number, or else with its name.
-    pub fn asset(&self, object: &RecordedObject) -> Option<&AssetRef> {
-        let last = object.asset.rsplit('/').next().unwrap_or(&object.asset);
-        let by_number = || self.by_number.get(&object.obj_id?);
-        self.by_full_name.get(&object.asset).or_else(by_number).or_else(|| self.by_name.get(last))
+    let last = |name: &str| name.rsplit('/').next().unwrap_or(name).to_owned();
+    let is_numbered = object.obj_id.is_some_and(|number| is_unnamed(number.into(), &last(&object.asset)));
+    let mut found: Vec<AssetRef> = Vec::new();
+    for pool in pools.names() {
+        let fits = |(asset, number): &(AssetRef, Option<u32>)| match is_numbered {
+            true => *number == object.obj_id,
+            false => last(&asset.name) == last(&object.asset),
+        };
+        found.extend(entries(pool)?.into_iter().filter(fits).map(|(asset, _)| asset));
+    }
+    match found.as_slice() {
+        [first, second, ..] => {
+            let message = format!("the recorded object `{}` may be `{first}` or `{second}`", object.asset);
+            Err(Error::new(message)
+                .help("name only the pool of its dataset in `from`, or narrow the pool by `include`"))
+        }
+        _ => Ok(found.pop()),
     }
 }

@@ -3,15 +3,13 @@
 use super::object::RecordedObject;
 use std::path::Path;
 use syntable_model::geometry::Pose;
+use syntable_model::limits::IMAGE_PIXELS;
 use syntable_model::prelude::*;
 use syntable_model::product::StatedCamera;
 use syntable_model::product::standard::{CAMERA, OBJECT_INFO};
 use syntable_model::reader::{ImageRef, OpenDataset, Source};
 use syntable_model::registry::Registry;
-use syntable_model::scene::{Camera, RecordedCamera};
-
-/// Maximum width and height of a recorded image, px.
-const MAX_PIXELS: u32 = 16_384;
+use syntable_model::scene::{Camera, Distortion, Intrinsics, RecordedCamera};
 
 /// The images that one scene rebuilds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -28,7 +26,7 @@ pub enum RecordedUnit {
 pub struct Selection<'o> {
     /// The images that one scene rebuilds.
     pub per: RecordedUnit,
-    /// Each how-many-th image of a recorded scene is taken.
+    /// Takes every n-th image of a recorded scene.
     pub every: u32,
     /// Numbers of the recorded scenes; all by default.
     pub scenes: Option<&'o [u32]>,
@@ -47,6 +45,10 @@ pub struct RecordedScene {
     pub objects: Vec<RecordedObject>,
     /// The cameras of its images.
     pub cameras: Vec<RecordedCamera>,
+    /// Whether the recorded frame is the world of the dataset. Otherwise, it is the frame of the only camera.
+    pub is_in_world: bool,
+    /// Parts of its images that the reader leaves out.
+    pub left_out: Vec<LeftOut>,
 }
 
 impl RecordedScenes {
@@ -70,13 +72,22 @@ impl RecordedScenes {
         if let Some(scene) = selection.scenes.into_iter().flatten().find(|&&it| !has_scene(&dataset, it)) {
             let known: Vec<String> = scene_numbers(&dataset).into_iter().take(20).map(|it| it.to_string()).collect();
             let message = format!("`scenes` names scene {scene}, which the dataset does not have");
-            return Err(Error::new(message).in_file(path).help(format!("its scenes begin with {}", known.join(", "))));
+            return Err(Error::new(message).in_file(path).help(format!("its first scenes are {}", known.join(", "))));
         }
         let units = units_of(&dataset.images, selection);
-        if units.is_empty() {
-            return Err(Error::new("the dataset has no images").in_file(path));
+        let this = Self { dataset, units };
+        match (this.units.is_empty(), this.lost()) {
+            (false, _) => Ok(this),
+            (true, None) => Err(Error::new("the dataset has no images").in_file(path)),
+            (true, Some((_, why))) => Err(Error::new(format!("none of its images can be read: {why}")).in_file(path)),
         }
-        Ok(Self { dataset, units })
+    }
+
+    /// Number of files and records that hide images from the list of the dataset, and the first reason.
+    pub fn lost(&self) -> Option<(usize, String)> {
+        let mut lost = self.dataset.faults.iter().filter(|fault| fault.is_lost);
+        let first = lost.next()?.to_string();
+        Some((1 + lost.count(), first))
     }
 
     /// Number of scenes to rebuild.
@@ -87,53 +98,85 @@ impl RecordedScenes {
     /// Reads a scene.
     ///
     /// # Errors
-    /// If its images cannot be read, or objects differ in their places between its images.
+    /// If its images cannot be read, objects differ in their places between its images, or two images have one pose and different
+    /// lenses.
     pub fn read(&self, number: usize) -> Result<RecordedScene> {
         let unit = &self.units[number];
-        let mut scene = RecordedScene { objects: Vec::new(), cameras: Vec::new() };
+        let (mut objects, mut cameras) = (Objects::default(), Vec::<RecordedCamera>::new());
+        let (mut is_in_world, mut left_out) = (true, Vec::new());
         for &place in unit {
             let image = &self.dataset.images[place];
             let read = self.dataset.read(place, &[CAMERA.id(), OBJECT_INFO.id()])?;
-            let stated = StatedCamera::of(read.products.get(CAMERA)?)?;
+            left_out.extend(read.left_out);
+            let named = |error: Error| error.context(format!("`{}`", image.name));
+            let stated = StatedCamera::of(read.products.get(CAMERA)?).map_err(named)?;
             let pose = match stated.world_from_camera() {
-                Ok(pose) => pose,
-                Err(_) if unit.len() == 1 => Pose::identity(),
-                Err(error) => return Err(error.context(format!("`{}`", image.name)).help(APART)),
+                Ok(pose) => Some(pose),
+                Err(_) if unit.len() == 1 => None,
+                Err(error) => return Err(named(error).help(PER_IMAGE)),
             };
-            let camera = Camera { world_from_camera: pose, ..*stated.camera() };
+            is_in_world &= pose.is_some();
+            let camera = Camera { world_from_camera: pose.unwrap_or_else(Pose::identity), ..*stated.camera() };
             check(&camera, image)?;
-            scene.cameras.push(RecordedCamera { camera, image: image.name.clone() });
-            for (id, value) in read.products.get(OBJECT_INFO)?.iter() {
-                scene.add(RecordedObject::read(id, value, &pose, image)?, image)?;
+            if let Some(other) = cameras.iter().find(|other| is_ambiguous(&other.camera, &camera)) {
+                let message =
+                    format!("`{}` and `{}` have one camera pose and different lenses", other.image, image.name);
+                return Err(Error::new(message).help(PER_IMAGE));
             }
+            cameras.push(RecordedCamera { camera, image: image.name.clone() });
+            let shown = read.products.get(OBJECT_INFO)?.iter();
+            let shown = shown.map(|(id, value)| RecordedObject::read(id, value, pose.as_ref(), image));
+            objects.add(shown.collect::<Result<_>>()?, image)?;
         }
-        Ok(scene)
+        Ok(RecordedScene { objects: objects.known, cameras, is_in_world, left_out })
     }
 }
 
-/// How to rebuild scenes whose objects move.
-const APART: &str = "set `per = \"image\"` in the step, and `views_per_scene = 1` in [dataset]";
+/// Whether two cameras have one pose and different lenses: a view cannot tell them apart.
+fn is_ambiguous(a: &Camera, b: &Camera) -> bool {
+    a.world_from_camera == b.world_from_camera && (a.intrinsics != b.intrinsics || a.distortion != b.distortion)
+}
 
-impl RecordedScene {
-    /// Adds an object of an image, unless another image has shown it.
-    fn add(&mut self, object: RecordedObject, image: &ImageRef) -> Result<()> {
-        if self.cameras.len() > 1 && self.objects.iter().any(|known| known.is(&object)) {
-            return Ok(());
+/// How to rebuild images that do not show one scene at rest, or whose cameras have no pose.
+const PER_IMAGE: &str = "set `per = \"image\"` in the step, and `views_per_scene = 1` in [dataset]";
+
+/// The objects of a recorded scene, from image to image.
+#[derive(Default)]
+struct Objects {
+    known: Vec<RecordedObject>,
+    /// Name of the image that first showed each.
+    first_shown: Vec<String>,
+}
+
+impl Objects {
+    /// Adds the objects of an image that no image before has shown.
+    fn add(&mut self, shown: Vec<RecordedObject>, image: &ImageRef) -> Result<()> {
+        let before = self.known.len();
+        let mut is_seen = vec![false; before];
+        let mut others = Vec::new();
+        for object in shown {
+            match (0..before).find(|&place| !is_seen[place] && self.known[place].is(&object)) {
+                Some(place) => is_seen[place] = true,
+                None => others.push(object),
+            }
         }
-        let moved = |known: &&RecordedObject| known.id == object.id && known.asset == object.asset;
-        if let Some(known) = self.objects.iter().find(moved) {
-            let apart =
-                (known.recording_from_file.translation.vector - object.recording_from_file.translation.vector).norm();
-            let message = format!(
-                "object {} (`{}`) of `{}` is {:.1} mm from its place in an earlier image",
-                object.id,
-                object.asset,
-                image.name,
-                apart * 1e3
-            );
-            return Err(Error::new(message).help(APART));
+        for object in others {
+            // Ids of BOP number the entries of one image; an id that an object at its place has taken says nothing.
+            let moved = |place: &usize| {
+                let known = &self.known[*place];
+                !is_seen[*place] && known.id == object.id && known.asset == object.asset
+            };
+            if let Some(place) = (0..before).find(moved) {
+                let (millimeters, degrees) = self.known[place].apart(&object);
+                let message = format!(
+                    "object {} (`{}`) of `{}` is {millimeters:.1} mm and {degrees:.1}° from its pose in `{}`",
+                    object.id, object.asset, image.name, self.first_shown[place]
+                );
+                return Err(Error::new(message).help(PER_IMAGE));
+            }
+            self.known.push(object);
+            self.first_shown.push(image.name.clone());
         }
-        self.objects.push(object);
         Ok(())
     }
 }
@@ -168,17 +211,26 @@ fn units_of(images: &[ImageRef], Selection { per, every, scenes }: &Selection) -
 
 /// Refuses cameras that no image can have.
 fn check(camera: &Camera, image: &ImageRef) -> Result<()> {
-    let k = &camera.intrinsics;
-    let sizes = [k.width, k.height].iter().all(|edge| (1..=MAX_PIXELS).contains(edge));
-    let focal = [k.fx, k.fy].iter().all(|f| f.is_finite() && *f > 0.0);
-    let pose = &camera.world_from_camera;
-    let finite = [k.cx, k.cy].iter().chain(pose.translation.vector.iter()).all(|x| x.is_finite());
-    if sizes && focal && finite && pose.rotation.coords.iter().all(|x| x.is_finite()) {
-        return Ok(());
+    let Intrinsics { width, height, fx, fy, cx, cy } = camera.intrinsics;
+    let named = |error: Error| error.context(format!("the camera of `{}`", image.name));
+    if [width, height].iter().any(|edge| !(1..=Intrinsics::MAX_EDGE).contains(edge)) {
+        let message = format!("an image of {width} × {height} pixels");
+        return Err(named(
+            Error::new(message).help(format!("images have 1 to {} pixels per edge", Intrinsics::MAX_EDGE)),
+        ));
     }
-    let message = format!(
-        "the camera of `{}` has {} × {} pixels, the focal lengths {} and {} and the center ({}, {})",
-        image.name, k.width, k.height, k.fx, k.fy, k.cx, k.cy
-    );
-    Err(Error::new(message).help(format!("images have up to {MAX_PIXELS} pixels per edge, and positive focal lengths")))
+    IMAGE_PIXELS.check_size([width, height]).map_err(named)?;
+    if ![fx, fy].iter().all(|f| f.is_finite() && *f > 0.0) || ![cx, cy].iter().all(|c| c.is_finite()) {
+        let message = format!("the focal lengths are {fx} and {fy}, and the center is ({cx}, {cy})");
+        return Err(named(Error::new(message).help("focal lengths are above 0")));
+    }
+    let [w, h] = [f64::from(width), f64::from(height)];
+    let corners = [[0.0, 0.0], [w, 0.0], [0.0, h], [w, h]];
+    // A fisheye lens may show nothing in the corners.
+    let folds = matches!(camera.distortion, Some(Distortion::Polynomial(_)));
+    if let Some([u, v]) = corners.into_iter().find(|[u, v]| folds && camera.unproject(*u, *v).is_none()) {
+        let message = format!("its distortion folds the image over before pixel ({u}, {v})");
+        return Err(named(Error::new(message).help("its coefficients are not of this image size")));
+    }
+    Ok(())
 }

@@ -21,7 +21,7 @@ use syntable_model::scene::{Distortion, Exposure, Fisheye as Lens, Intrinsics, O
 #[serde(deny_unknown_fields, default)]
 pub struct Fisheye {
     /// Width and height of the image, pixels.
-    #[schemars(inner(range(min = 1, max = 16384)))]
+    #[schemars(inner(range(min = 1, max = Intrinsics::MAX_EDGE)))]
     resolution: [u32; 2],
     /// Focal length and principal point: `{ fov_deg = 150 }` (the default) or
     /// `{ pixels = { fx = 285.7, fy = 286.1, cx = 320, cy = 240 } }`.

@@ -15,7 +15,7 @@ use syntable_model::scene::{Camera, Distortion, Exposure, Intrinsics, Optics};
 #[serde(deny_unknown_fields, default)]
 pub struct Pinhole {
     /// Width and height of the image, pixels.
-    #[schemars(inner(range(min = 1, max = 16384)))]
+    #[schemars(inner(range(min = 1, max = Intrinsics::MAX_EDGE)))]
     resolution: [u32; 2],
     /// Focal length and principal point: `{ fov_deg = 60 }`,
     /// `{ physical = { focal_length_mm = 1.88, sensor_size_mm = [2.63, 1.96] } }` (the default) or

@@ -35,12 +35,14 @@ impl CameraModel for RecordedLenses {
         let distance = |pose: &Pose| {
             [(pose.translation.vector - position).norm(), pose.rotation.angle_to(&world_from_camera.rotation)]
         };
-        let nearest = cameras.iter().map(|it| &it.camera).reduce(|best, other| {
+        let nearest = cameras.iter().map(|it| &it.camera).fold(&cameras[0].camera, |best, other| {
             let [near, far] = [distance(&other.world_from_camera), distance(&best.world_from_camera)];
             if near < far { other } else { best }
         });
-        let camera = nearest.ok_or_else(|| Error::new("the scene has no recorded cameras"))?;
-        let (intrinsics, distortion) = (camera.intrinsics, camera.distortion);
+        let (intrinsics, distortion) = (nearest.intrinsics, nearest.distortion);
         Ok(Optics { intrinsics, distortion, lens: None, exposure: self.exposure.0 })
+    }
+    fn needs(&self) -> Option<Part> {
+        Some(Part::RecordedCameras)
     }
 }

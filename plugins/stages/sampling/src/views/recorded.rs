@@ -35,6 +35,10 @@ impl ViewSampler for RecordedViews {
         Ok(camera.camera.world_from_camera)
     }
 
+    fn needs(&self) -> Option<Part> {
+        Some(Part::RecordedCameras)
+    }
+
     /// The shell around the objects that contains all cameras.
     fn shell(&self, scene: &Scene) -> Result<Shell> {
         let bounds = scene.objects().iter().map(|body| body.world_bounds().center());
