@@ -2,7 +2,7 @@
 //!
 //! - [`camera`]: `pinhole`, `fisheye`, `recorded`.
 //! - [`views`]: `hemisphere_shell` (the paper's), `orbit`, `fixed_poses`, `recorded`.
-//! - [`lights`]: `sphere_lights` (the paper's), `ceiling_light`, `window_light`, `sun`, `environment`.
+//! - [`lights`]: `sphere_lights` (the paper's), `ceiling_light`, `window_light`, `flash`, `sun`, `environment`.
 //!
 //! Every kind is in a file of its name; `common` holds the geometry that views and lights share.
 //!

@@ -105,7 +105,7 @@ impl ConditionTest<'_> {
     fn sees_target(&self, eye: &Point3<f64>) -> Result<bool> {
         let target = self.target.ok_or_else(|| {
             Error::new("`line_of_sight` needs a point that the camera looks at, and the pose of this view names none")
-                .help("remove `line_of_sight` from [views.conditions], or use a kind of [views] with `look_at`")
+                .help("remove `line_of_sight` from [views.conditions], or let [views] look at one point, such as `look_at = \"tabletop_center\"`")
         })?;
         let objects = self.scene.objects().len();
         Ok(self.rays.first(eye, &(target - eye), SIGHT_END, |body| body >= objects).is_none())

@@ -1,6 +1,7 @@
 //! Room, table and drop box on hand-made pools.
 
 mod carriers;
+mod furnishings;
 mod mesh;
 mod randomization;
 

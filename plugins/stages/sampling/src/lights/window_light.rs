@@ -19,6 +19,18 @@ const BEFORE_WALL_M: f64 = 0.01;
 /// Minimum distance of a window from the edges of its wall, meters.
 const MARGIN_M: f64 = 0.1;
 
+/// Number of places along a wall that are compared.
+const PLACES: usize = 16;
+
+/// Bodies up to this far from a wall hide the windows in it, meters.
+const HIDES_WITHIN_M: f64 = 0.8;
+
+/// A blind reaches this far beyond its window, meters.
+const OVERHANG_M: f64 = 0.04;
+
+/// A window behind a curtain down to the floor ends at this height, meters.
+const SILL_M: f64 = 0.15;
+
 /// Illuminance on the inside of a window's frame, relative to that at the support: a figure for rooms with light walls.
 const FRAME_ILLUMINANCE: f64 = 0.35;
 
@@ -37,7 +49,8 @@ const CELLS: f64 = 48.0;
 /// behind them, as from a house: sky, houses, trees, ground. The view is far away, so it moves with the viewer, and the
 /// sky lights the floor more than the ceiling. `brightness.illuminance_lx` is the illuminance of all windows together
 /// at the center of the support, such as the tabletop, on a horizontal plane, whatever their pattern. Where a wall is
-/// too short or too low, windows are fewer or smaller.
+/// too short or too low, windows are fewer or smaller. Of 16 places along a wall, windows get the first at which no furniture hides
+/// them, or else the one at which it hides the least. Windows of `behind` are behind bodies, such as blinds.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WindowLight {
@@ -52,6 +65,10 @@ pub struct WindowLight {
     /// Number of windows in a wall, sampled per wall, from 1 to 100.
     #[schemars(extend("minimum" = COUNT[0], "maximum" = COUNT[1]))]
     count: IntDist,
+    /// Pools of bodies that hang on walls, such as blinds and curtains: a window is behind each of them, and nowhere else. `walls`,
+    /// `count`, sizes and places are then not used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    behind: Option<ObjectPools>,
     /// Width of a window, meters, from 0.05 to 1000.
     #[schemars(extend("minimum" = SIZE_M[0], "maximum" = SIZE_M[1]))]
     width_m: Dist,
@@ -132,6 +149,7 @@ impl Default for WindowLight {
             support: None,
             walls: IntDist::Constant(1),
             count: IntDist::Integers(1, 3),
+            behind: None,
             width_m: Dist::Uniform(0.8, 2.0),
             height_m: Dist::Uniform(1.0, 1.6),
             sill_m: Dist::Uniform(0.7, 1.0),
@@ -197,7 +215,7 @@ impl LightSampler for WindowLight {
             WindowBrightness::IlluminanceLx(lux) => (draw("brightness", lux), None),
             WindowBrightness::LuminanceNits(nits) => (0.0, Some(draw("brightness", nits))),
         };
-        if wanted == 0 || nits.unwrap_or(lux) <= 0.0 {
+        if (wanted == 0 && self.behind.is_none()) || nits.unwrap_or(lux) <= 0.0 {
             return Ok(Vec::new());
         }
         let support = scene.support(self.support.as_ref())?;
@@ -205,15 +223,26 @@ impl LightSampler for WindowLight {
         if walls.is_empty() {
             return Err(no_wall(scene, support));
         }
-        stream.child("which").shuffle(&mut walls);
-        walls.truncate(wanted);
-        let size = [draw("width", &self.width_m), draw("height", &self.height_m)];
-        let (sill, spacing) = (draw("sill", &self.sill_m), draw("spacing", &self.spacing_m));
+        let fittings = fittings(scene);
         let mut windows = Vec::new();
-        for (i, wall) in walls.iter().enumerate() {
-            let stream = stream.child("wall").at(i as u64);
-            let count = self.count.draw(&mut stream.child("count")).max(1) as usize;
-            windows.extend(wall.windows(count, size, sill, spacing, &mut stream.child("place")));
+        if let Some(pools) = &self.behind {
+            let names: Vec<&str> = pools.names().iter().map(|name| context.assets.pool_name(name)).collect();
+            let hung = fittings.iter().filter(|(pool, _)| names.contains(&pool.as_str()));
+            windows.extend(hung.filter_map(|(_, bounds)| window_behind(bounds, &walls)));
+            if windows.is_empty() {
+                return Ok(Vec::new());
+            }
+        } else {
+            stream.child("which").shuffle(&mut walls);
+            walls.truncate(wanted);
+            let size = [draw("width", &self.width_m), draw("height", &self.height_m)];
+            let (sill, spacing) = (draw("sill", &self.sill_m), draw("spacing", &self.spacing_m));
+            for (i, wall) in walls.iter().enumerate() {
+                let stream = stream.child("wall").at(i as u64);
+                let count = self.count.draw(&mut stream.child("count")).max(1) as usize;
+                let mut places = stream.child("place");
+                windows.extend(wall.free_windows((count, size, sill, spacing), &fittings, &mut places));
+            }
         }
         let lit = support.center();
         let per_nit: f64 = windows.iter().map(|window| polygon_illuminance(&window.corners(), lit, Vector3::z())).sum();
@@ -316,6 +345,29 @@ fn illuminance_of_panes(window: &scene::WindowLight, point: Point3<f64>) -> f64 
     sum
 }
 
+/// The bodies that may be in front of a wall: their pools, and their bounds in the world.
+fn fittings(scene: &Scene) -> Vec<(String, Aabb)> {
+    let still = scene.bodies().iter().filter(|body| body.role != Role::Room && body.role != Role::Object);
+    still.map(|body| (body.asset.pool.clone(), body.world_bounds())).collect()
+}
+
+/// The window behind a body that hangs on the nearest of some walls; none if a body is smaller than the edges of a window.
+fn window_behind(bounds: &Aabb, walls: &[Wall]) -> Option<RectLight> {
+    let depth = |wall: &Wall| (bounds.center() - wall.foot).dot(&wall.inwards).abs();
+    let wall = walls.iter().min_by(|a, b| depth(a).total_cmp(&depth(b)))?;
+    let center = bounds.center();
+    let across = (center - wall.foot).dot(&wall.along);
+    let half = bounds.size().dot(&wall.along.abs()) / 2.0 - OVERHANG_M;
+    let (low, high) = (bounds.min.z.max(wall.foot.z + SILL_M), bounds.max.z - OVERHANG_M);
+    let up = Vector3::z() * ((low + high) / 2.0 - wall.foot.z);
+    (half > 0.05 && high - low > 0.1).then(|| RectLight {
+        center: wall.foot + wall.along * across + up + wall.inwards * BEFORE_WALL_M,
+        half_u: wall.along * half,
+        half_v: Vector3::z() * ((high - low) / 2.0),
+        radiance: [0.0; 3],
+    })
+}
+
 /// The error for a support without a wall beside it. Without walls, no other draw of the scene has one either.
 fn no_wall(scene: &Scene, support: &Support) -> Error {
     let bounds = |body: &Body| Aabb::of(body.object.mesh.bounds().corners().map(|p| body.world_from_body * p));
@@ -382,6 +434,45 @@ impl Wall {
             }
         }
         walls
+    }
+
+    /// The row of windows of which bodies in front hide the smallest area, of some rows at random places.
+    fn free_windows(
+        &self,
+        (count, size, sill, spacing): (usize, [f64; 2], f64, f64),
+        bodies: &[(String, Aabb)],
+        stream: &mut Stream,
+    ) -> Vec<RectLight> {
+        let hidden = |windows: &[RectLight]| -> f64 {
+            windows.iter().flat_map(|window| bodies.iter().map(|(_, bounds)| self.overlap(window, bounds))).sum()
+        };
+        let mut best: Option<(f64, Vec<RectLight>)> = None;
+        for _ in 0..PLACES {
+            let windows = self.windows(count, size, sill, spacing, stream);
+            let area = hidden(&windows);
+            if best.as_ref().is_none_or(|(least, _)| area < *least) {
+                best = Some((area, windows));
+            }
+            if area == 0.0 {
+                break;
+            }
+        }
+        best.map(|(_, windows)| windows).unwrap_or_default()
+    }
+
+    /// Area of a window that a body near the wall hides from the middle of the room, square meters.
+    fn overlap(&self, window: &RectLight, bounds: &Aabb) -> f64 {
+        let nearest = bounds.corners().into_iter().map(|p| (p - self.foot).dot(&self.inwards));
+        if nearest.fold(f64::INFINITY, f64::min) > HIDES_WITHIN_M {
+            return 0.0;
+        }
+        let apart = bounds.center() - window.center;
+        let half = bounds.size() / 2.0;
+        let shared = |axis: Vector3<f64>, window: f64| {
+            let (body, at) = (half.dot(&axis.abs()), apart.dot(&axis));
+            ((at + body).min(window) - (at - body).max(-window)).max(0.0)
+        };
+        shared(self.along, window.half_u.norm()) * shared(Vector3::z(), window.half_v.norm())
     }
 
     /// A row with the largest possible number of windows, at least one, at a random position along the wall. Their

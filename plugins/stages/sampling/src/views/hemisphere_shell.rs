@@ -2,7 +2,7 @@
 
 use crate::common::bounds::check_order;
 use crate::common::shell::{ALL_AROUND, HEMISPHERE_DEG, center, direction};
-use crate::views::look_at::{LookAt, ViewTarget, rolled};
+use crate::views::look_at::{LookAt, rolled};
 use crate::views::radius::ViewRadius;
 use nalgebra::{Point3, Vector3};
 use syntable_model::geometry::look_at;
@@ -38,7 +38,7 @@ pub struct HemisphereShell {
     #[schemars(inner(inner(range(min = -360.0, max = 360.0))))]
     azimuth_deg: Option<[f64; 2]>,
     /// The point that the camera looks at, such as `"objects_center"`, or `{ near_mean_of = 15 }` for an object that each view draws.
-    look_at: ViewTarget,
+    look_at: LookAt,
     /// Rotation of the camera about its optical axis, degrees; positive is clockwise seen from behind the camera.
     roll_deg: Dist,
 }
@@ -51,7 +51,7 @@ impl Default for HemisphereShell {
             center_offset_m: 0.2,
             elevation_deg: HEMISPHERE_DEG,
             azimuth_deg: None,
-            look_at: ViewTarget::Point(LookAt::TabletopCenter),
+            look_at: LookAt::TabletopCenter,
             roll_deg: Dist::Constant(0.0),
         }
     }
@@ -90,17 +90,14 @@ impl ViewSampler for HemisphereShell {
             self.azimuth_deg.map_or(ALL_AROUND, |azimuth| azimuth.map(|it| it.to_radians() + support.surface.yaw()));
         let direction = direction(self.elevation_deg, azimuth, &mut context.stream.child("direction"));
         let eye = center(support, self.center_offset_m) + r * direction;
-        let target = match self.look_at {
-            ViewTarget::Point(point) => point.point(scene, support, self.center_offset_m),
-            ViewTarget::Object(object) => object.point(scene, &mut context.stream.child("look_at"), support.center()),
-        };
+        let target = self.look_at.point(scene, support, self.center_offset_m, &mut context.stream.child("look_at"));
         let roll = self.roll_deg.draw(&mut context.stream.child("roll"));
         Ok(rolled(look_at(eye, target, Vector3::z()), roll))
     }
 
     fn target(&self, scene: &Scene, view: ViewId) -> Option<Point3<f64>> {
         let support = self.support_of(scene, view).ok()?;
-        Some(self.look_at.fixed()?.point(scene, support, self.center_offset_m))
+        self.look_at.fixed(scene, support, self.center_offset_m)
     }
 
     fn shell(&self, scene: &Scene) -> Result<Shell> {

@@ -11,7 +11,6 @@ use syntable_model::scene::{Scene, Support};
 /// The point that the camera looks at.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-#[expect(clippy::enum_variant_names, reason = "the names of the choices in recipes")]
 pub enum LookAt {
     /// Center of the support, such as the tabletop.
     #[default]
@@ -20,67 +19,48 @@ pub enum LookAt {
     ShellCenter,
     /// Center of the bounding box of all objects.
     ObjectsCenter,
+    /// The center of the object that is nearest to the mean center of this many objects, which are drawn for each view; all objects if
+    /// the scene has fewer. This is the point of interest of BlenderProc's recipes for the BOP challenge, which draw 15 objects.
+    NearMeanOf(#[schemars(range(min = 1, max = 10000))] u32),
 }
 
 impl LookAt {
-    /// The point in the world, meters.
-    pub fn point(self, scene: &Scene, support: &Support, center_offset_m: f64) -> Point3<f64> {
+    /// The point in the world, meters, if all views of the scene look at it.
+    pub fn fixed(self, scene: &Scene, support: &Support, center_offset_m: f64) -> Option<Point3<f64>> {
         match self {
-            Self::TabletopCenter => support.center(),
-            Self::ShellCenter => center(support, center_offset_m),
+            Self::TabletopCenter => Some(support.center()),
+            Self::ShellCenter => Some(center(support, center_offset_m)),
             Self::ObjectsCenter => {
                 let corners = scene
                     .objects()
                     .iter()
                     .flat_map(|body| body.object.mesh.bounds().corners().map(|p| body.world_from_body * p));
-                Aabb::of(corners).center()
+                Some(Aabb::of(corners).center())
             }
+            Self::NearMeanOf(_) => None,
         }
     }
-}
 
-/// The point that a camera looks at: the same in all views of a scene, or drawn for each view.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub enum ViewTarget {
-    /// One point of the scene.
-    Point(LookAt),
-    /// An object, drawn for each view.
-    Object(DrawnObject),
-}
-
-/// The center of the object that is nearest to the mean center of some objects, which each view draws.
-///
-/// This is the point of interest of BlenderProc's recipes for the BOP challenge, which draw 15 objects.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DrawnObject {
-    /// Number of objects whose mean center is taken; all objects if the scene has fewer.
-    #[schemars(range(min = 1, max = 10000))]
-    near_mean_of: u32,
-}
-
-impl ViewTarget {
-    /// The point, if all views of the scene look at it.
-    pub fn fixed(self) -> Option<LookAt> {
-        match self {
-            Self::Point(point) => Some(point),
-            Self::Object(_) => None,
-        }
+    /// The point in the world, meters, for a view with a stream of random numbers.
+    pub fn point(self, scene: &Scene, support: &Support, center_offset_m: f64, stream: &mut Stream) -> Point3<f64> {
+        let count = match self {
+            Self::NearMeanOf(count) => count as usize,
+            _ => 0,
+        };
+        let fixed = self.fixed(scene, support, center_offset_m);
+        fixed.or_else(|| near_mean_of(count, scene, stream)).unwrap_or_else(|| support.center())
     }
 }
 
-impl DrawnObject {
-    /// The center of the object in the world, meters. `otherwise` is the point for a scene without objects.
-    pub fn point(self, scene: &Scene, stream: &mut Stream, otherwise: Point3<f64>) -> Point3<f64> {
-        let mut centers: Vec<Point3<f64>> = scene.objects().iter().map(|body| body.world_bounds().center()).collect();
-        stream.shuffle(&mut centers);
-        centers.truncate(self.near_mean_of as usize);
-        let sum: Vector3<f64> = centers.iter().map(|center| center.coords).sum();
-        let mean = Point3::from(sum / centers.len().max(1) as f64);
-        let distance = |center: &Point3<f64>| (center - mean).norm();
-        centers.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(otherwise)
-    }
+/// The center of the object nearest to the mean center of some objects; none if the scene has no objects.
+fn near_mean_of(count: usize, scene: &Scene, stream: &mut Stream) -> Option<Point3<f64>> {
+    let mut centers: Vec<Point3<f64>> = scene.objects().iter().map(|body| body.world_bounds().center()).collect();
+    stream.shuffle(&mut centers);
+    centers.truncate(count);
+    let sum: Vector3<f64> = centers.iter().map(|center| center.coords).sum();
+    let mean = Point3::from(sum / centers.len().max(1) as f64);
+    let distance = |center: &Point3<f64>| (center - mean).norm();
+    centers.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
 /// Rotates a camera about its optical axis, clockwise seen from behind it; the image rotates the other way.

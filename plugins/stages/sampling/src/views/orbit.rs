@@ -62,19 +62,20 @@ impl Config for Orbit {
 register!(Orbit);
 
 impl ViewSampler for Orbit {
-    fn pose(&self, scene: &Scene, view: ViewId, _: &Context) -> Result<Pose> {
+    fn pose(&self, scene: &Scene, view: ViewId, context: &Context) -> Result<Pose> {
         let support = scene.support(self.support.as_ref())?;
         let r = self.distance.in_meters(support);
         let azimuth = (self.start_deg + self.step_deg * f64::from(view.0)).to_radians();
         let (sin, cos) = libm::sincos(self.elevation_deg.to_radians());
         let direction = Vector3::new(cos * libm::cos(azimuth), cos * libm::sin(azimuth), sin);
         let eye = center(support, self.center_offset_m) + r * direction;
-        Ok(look_at(eye, self.look_at.point(scene, support, self.center_offset_m), Vector3::z()))
+        let mut stream = context.stream.child("look_at");
+        Ok(look_at(eye, self.look_at.point(scene, support, self.center_offset_m, &mut stream), Vector3::z()))
     }
 
     fn target(&self, scene: &Scene, _: ViewId) -> Option<Point3<f64>> {
         let support = scene.support(self.support.as_ref()).ok()?;
-        Some(self.look_at.point(scene, support, self.center_offset_m))
+        self.look_at.fixed(scene, support, self.center_offset_m)
     }
 
     fn shell(&self, scene: &Scene) -> Result<Shell> {

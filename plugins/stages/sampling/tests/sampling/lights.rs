@@ -2,6 +2,7 @@
 
 use super::*;
 use std::f64::consts::{PI, TAU};
+use syntable_model::geometry::look_at;
 use syntable_testing::assets::Pools;
 use syntable_testing::scenes;
 
@@ -351,4 +352,79 @@ fn the_sun_has_its_elevation_and_azimuth() {
     assert!(
         (sun.half_angle - 0.00465).abs() < 5e-5 && sun.towards.z > 0.25 && (sun.towards.norm() - 1.0).abs() < 1e-12
     );
+}
+
+#[test]
+fn a_flash_is_beside_the_lens_and_fires_sometimes() {
+    let scene = scene(None);
+    let support = scene.support(None).expect("there").center();
+    let intrinsics = Intrinsics { width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 32.0, cy: 24.0 };
+    let camera = Camera::pinhole(intrinsics, look_at(Point3::new(0.0, -1.0, 1.5), support, Vector3::z()));
+    let flash = lights(
+        "flash",
+        "probability = 0.5\noffset_m = [0.04, 0.03]\nsize_m = 0.1\nbrightness = { illuminance_lx = 900 }",
+    );
+    let mut fired = 0;
+    for seed in 0..100 {
+        let shell = Shell { center: support, radius: [1.0, 2.0] };
+        let drawn = with_context(seed, |context| flash.lights(&scene, &camera, &shell, context)).expect("lights");
+        let Some(light) = drawn.first() else { continue };
+        fired += 1;
+        let Light::Sphere(sphere) = light else { panic!("{light:?}") };
+        // Camera frame: x right, y down.
+        let at = camera.world_from_camera.inverse() * sphere.center;
+        assert!((at - Point3::new(0.04, -0.03, 0.0)).norm() < 1e-9, "{at}");
+        let got = total(&drawn, support, (sphere.center - support).normalize());
+        assert!((got / 900.0 - 1.0).abs() < 0.01, "{got} lx");
+    }
+    assert!((35..65).contains(&fired), "{fired}");
+}
+
+#[test]
+fn windows_avoid_furniture_and_are_behind_blinds() {
+    let furnished = |bodies: &[(&str, [f64; 3], [f32; 3])]| {
+        let mut builder = SceneBuilder::default();
+        builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.75], [1.4, 0.8])).into();
+        for body in room([6.0, 4.0, 2.6]).bodies() {
+            let object = Arc::clone(&body.object);
+            let at = body.world_from_body.translation.vector;
+            builder.add(scenes::body(object, at.into(), body.role));
+        }
+        for (pool, at, edges) in bodies {
+            let mut body =
+                scenes::body(scenes::object("piece", scenes::box_mesh(*edges), [0.5; 3]), *at, Role::Fixture);
+            body.asset.pool = (*pool).to_owned();
+            builder.add(body);
+        }
+        builder.freeze(SettleReport::default()).expect("frozen")
+    };
+    // A cupboard of 1.5 m at the middle of each wall; a window of 1 m fits beside it.
+    let cupboards = [
+        ("furniture", [0.0, 1.75, 1.0], [1.5, 0.5, 2.0]),
+        ("furniture", [0.0, -1.75, 1.0], [1.5, 0.5, 2.0]),
+        ("furniture", [2.75, 0.0, 1.0], [0.5, 1.5, 2.0]),
+        ("furniture", [-2.75, 0.0, 1.0], [0.5, 1.5, 2.0]),
+    ];
+    let options = "pattern = \"plain\"\ncount = 1\nwidth_m = 1\nbrightness = { illuminance_lx = 600 }";
+    let (bare, full) = (furnished(&[]), furnished(&cupboards));
+    let mut hidden = [0; 2];
+    for seed in 0..60 {
+        for (scene, hidden) in [&bare, &full].into_iter().zip(&mut hidden) {
+            let drawn = draw(&*lights("window_light", options), scene, seed).expect("windows");
+            let Light::Rect(window) = &drawn[0] else { panic!("{drawn:?}") };
+            let along = if window.normal().x.abs() > 0.5 { window.center.y } else { window.center.x };
+            *hidden += usize::from(along.abs() < 1.25);
+        }
+    }
+    assert!(hidden[0] > 30 && hidden[1] < 8, "{hidden:?}");
+    let blind = ("blinds", [1.0, 1.95, 1.6], [1.2, 0.06, 1.4]);
+    let scene = furnished(&[blind, cupboards[1]]);
+    let drawn = draw(&*lights("window_light", &format!("{options}\nbehind = \"blinds\"")), &scene, 1);
+    let drawn = drawn.expect("a window");
+    let [Light::Rect(window)] = &drawn[..] else { panic!("{drawn:?}") };
+    for corner in window.corners() {
+        assert!((0.4..1.6).contains(&corner.x) && (0.9..2.3).contains(&corner.z), "{corner}");
+        assert!((corner.y - 1.99).abs() < 1e-6, "{corner}");
+    }
+    assert!(window.normal().y < -0.99);
 }

@@ -560,7 +560,7 @@ fn light_options_are_checked_and_examples_build() {
         assert!(error.contains(want), "{options}: {error}");
     }
     let registry = Registry::linked().expect("no clash");
-    assert_eq!(registry.entries().len(), 10);
+    assert_eq!(registry.entries().len(), 13);
     for entry in registry.entries() {
         let built = entry.construct_str(entry.example).unwrap_or_else(|error| panic!("{}: {error:?}", entry.kind));
         let text = built.options.to_string();
