@@ -1,7 +1,7 @@
-//! Procedural asset sources: household objects, containers, furniture, tables, surface materials and environment maps. They need no
+//! Procedural asset sources: household objects, containers, furniture, furnishings, tables, surface materials and environment maps. They need no
 //! files; `household` can show photographs of a folder on its prints.
 //!
-//! Each kind has a module of its name: [`household`], [`procedural_containers`], [`procedural_furniture`], [`procedural_tables`],
+//! Each kind has a module of its name: [`household`], [`procedural_containers`], [`procedural_furniture`], [`procedural_interior`], [`procedural_tables`],
 //! [`procedural_materials`] and [`procedural_environments`]. Objects and furniture are modeled with [`shape`] and textured with [`material`];
 //! [`family`] holds the object families.
 //!
@@ -16,6 +16,7 @@ mod photograph_folder;
 pub mod procedural_containers;
 pub mod procedural_environments;
 pub mod procedural_furniture;
+pub mod procedural_interior;
 pub mod procedural_materials;
 pub mod procedural_tables;
 pub mod shape;

@@ -524,6 +524,7 @@ fn names_and_options_are_checked() {
         ("household", "families = []", "must not be empty"),
         ("household", "families = [\"mug\", \"mug\"]", "listed twice"),
         ("household", "families = [\"mgu\"]", "mgu"),
+        ("procedural_interior", "families = [\"lamp\", \"lamp\"]", "listed twice"),
         ("procedural_tables", "designs = []", "must not be empty"),
         ("procedural_materials", "families = [\"wood\", \"wood\"]", "listed twice"),
     ] {
@@ -531,7 +532,7 @@ fn names_and_options_are_checked() {
             registry.find(Slot::Assets, kind).expect(kind).construct_str(options).map(|_| ()).expect_err(options);
         assert!(format!("{error:?}").contains(want), "{options}: {error:?}");
     }
-    for kind in ["household", "procedural_tables", "procedural_materials"] {
+    for kind in ["household", "procedural_interior", "procedural_tables", "procedural_materials"] {
         let entry = registry.find(Slot::Assets, kind).expect(kind);
         assert!(entry.construct_str(entry.example).is_ok(), "{}", entry.example);
     }
@@ -558,4 +559,91 @@ fn glass_is_clear_and_crockery_is_glazed() {
             assert!(coat.roughness.factor < 0.3 && material.roughness.factor > 0.3, "{}", plate.name);
         }
     }
+}
+
+/// Longest and shortest height of a family of furnishings, meters.
+const HEIGHTS: [(&str, [f64; 2]); 29] = [
+    ("armchair", [0.6, 1.2]),
+    ("bed", [0.7, 1.3]),
+    ("blind", [0.8, 1.8]),
+    ("cable", [0.02, 0.2]),
+    ("cardboard_boxes", [0.17, 1.9]),
+    ("chair", [0.42, 1.35]),
+    ("clock", [0.2, 0.5]),
+    ("coat_rack", [0.1, 1.4]),
+    ("cupboard", [0.5, 2.3]),
+    ("curtain", [1.0, 2.6]),
+    ("cushion", [0.08, 0.65]),
+    ("desk", [0.85, 1.6]),
+    ("door", [2.0, 2.3]),
+    ("keyboard", [0.018, 0.05]),
+    ("lamp", [0.8, 2.0]),
+    ("laptop", [0.18, 0.3]),
+    ("loudspeaker", [0.2, 1.2]),
+    ("mirror", [0.38, 1.7]),
+    ("notice_board", [0.4, 1.1]),
+    ("plant", [0.3, 2.1]),
+    ("radiator", [0.4, 1.0]),
+    ("screen", [0.3, 1.0]),
+    ("socket", [0.07, 0.32]),
+    ("sofa", [0.6, 1.2]),
+    ("suitcase", [0.4, 1.3]),
+    ("wall_art", [0.2, 1.6]),
+    ("waste_bin", [0.24, 0.6]),
+    ("whiteboard", [0.45, 1.3]),
+    ("window", [0.9, 1.7]),
+];
+
+#[test]
+fn furnishings_are_sound_and_real() {
+    let objects = all("procedural_interior", "variants_per_family = 6");
+    assert_eq!(objects.len(), HEIGHTS.len() * 6);
+    for object in &objects {
+        assert_sound(object);
+        assert_covered(object, 0.006, 400);
+        let (name, size) = (&object.name, object.mesh.bounds().size());
+        let triangles = object.mesh.data().triangles.len();
+        assert!((100..=25_000).contains(&triangles), "{name}: {triangles} triangles");
+        let (_, [low, high]) = HEIGHTS.iter().find(|(family, _)| *family == object.category).expect("every family");
+        assert!((*low..=*high).contains(&size.z), "{name}: {} m tall", size.z);
+        assert!((0.02..=2.6).contains(&size.max()), "{name}: {size:?}");
+        for material in &object.materials {
+            assert!(material.emission.factor.iter().all(|nits| (0.0..=8000.0).contains(nits)), "{name}");
+        }
+        for area in &object.support_areas {
+            let surface = area.surface;
+            let bounds = object.mesh.bounds();
+            assert!((bounds.min.z..=bounds.max.z + 1e-9).contains(&surface.height()), "{name}: {surface:?}");
+            let half = [0, 1].map(|k| 0.5 * surface.edges()[k]);
+            assert!(half[0] <= 0.5 * size.x + 1e-9 && half[1] <= 0.5 * size.y + 1e-9, "{name}: {surface:?}");
+        }
+    }
+    // About half of all lamps and screens are lit.
+    let lit = |family: &str| {
+        let objects = all("procedural_interior", &format!("families = [\"{family}\"]\nvariants_per_family = 24"));
+        let is_lit = |object: &&Object| object.materials.iter().any(|material| material.emission.factor[0] > 50.0);
+        objects.iter().filter(is_lit).count()
+    };
+    for family in ["lamp", "laptop", "screen"] {
+        assert!((5..=19).contains(&lit(family)), "{} of 24 are lit: {family}", lit(family));
+    }
+}
+
+#[test]
+fn a_furnishing_depends_on_seed_family_and_number_alone() {
+    let names = ["plant_0001", "cupboard_0000", "wall_art_0002"];
+    let whole = source("procedural_interior", "");
+    let part = source(
+        "procedural_interior",
+        "families = [\"wall_art\", \"plant\", \"cupboard\"]\nvariants_per_family = 3",
+    );
+    let other = source("procedural_interior", "seed = 1");
+    let forwards: Vec<_> = names.iter().map(|name| load(&*whole, name).digest).collect();
+    let backwards: Vec<_> = names.iter().rev().map(|name| load(&*part, name).digest).collect();
+    assert_eq!(forwards, backwards.into_iter().rev().collect::<Vec<_>>());
+    for (name, digest) in names.iter().zip(&forwards) {
+        assert_ne!(load(&*other, name).digest, *digest, "{name} does not depend on the seed");
+    }
+    let digests: BTreeSet<_> = all("procedural_interior", "").iter().map(|object| object.digest).collect();
+    assert_eq!(digests.len(), HEIGHTS.len() * 8, "variants differ");
 }

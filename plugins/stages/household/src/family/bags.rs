@@ -10,13 +10,13 @@ use syntable_model::random::Stream;
 use syntable_model::scene::Material;
 
 /// A smooth displacement: waves of random directions and lengths.
-pub(super) struct Crumple {
+pub(crate) struct Crumple {
     waves: Vec<(Vector3<f64>, f64, Vector3<f64>)>,
 }
 
 impl Crumple {
     /// Waves of some lengths and a total amplitude, meters.
-    pub(super) fn draw(stream: &mut Stream, count: usize, lengths: [f64; 2], amplitude: f64) -> Self {
+    pub(crate) fn draw(stream: &mut Stream, count: usize, lengths: [f64; 2], amplitude: f64) -> Self {
         let share = amplitude / (count as f64).sqrt();
         let wave = |_| {
             let length = stream.uniform(lengths[0], lengths[1]);
@@ -26,7 +26,7 @@ impl Crumple {
     }
 
     /// The displacement at a point.
-    pub(super) fn at(&self, p: Point3<f64>) -> Vector3<f64> {
+    pub(crate) fn at(&self, p: Point3<f64>) -> Vector3<f64> {
         self.waves.iter().map(|(direction, phase, shift)| shift * libm::sin(direction.dot(&p.coords) + phase)).sum()
     }
 }

@@ -11,6 +11,8 @@ mod packaging;
 mod tools;
 mod vessel;
 
+pub(crate) use bags::Crumple;
+
 use crate::material::{MaterialCache, MaterialFamily, Photograph, PrintedSheet, SrgbColor, SurfaceFinish, hsv};
 use crate::shape::SolidShape;
 

@@ -29,7 +29,8 @@ pub use family::{MaterialFamily, Surface};
 pub use field::ScalarField;
 pub use photograph::Photograph;
 pub use print::{
-    LabelKind, PrintedSheet, UvRect, WrapKind, ball, bands, book, carton, label, magazine, remote, skin, wrapped,
+    LabelKind, PrintedSheet, UvRect, WallArt, WrapKind, ball, bands, book, carton, clock_face, label, leaf, magazine,
+    notes, outdoors, remote, screen_image, scribbles, skin, wall_art, wrapped,
 };
 
 use std::sync::Arc;
