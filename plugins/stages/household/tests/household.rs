@@ -633,10 +633,8 @@ fn furnishings_are_sound_and_real() {
 fn a_furnishing_depends_on_seed_family_and_number_alone() {
     let names = ["plant_0001", "cupboard_0000", "wall_art_0002"];
     let whole = source("procedural_interior", "");
-    let part = source(
-        "procedural_interior",
-        "families = [\"wall_art\", \"plant\", \"cupboard\"]\nvariants_per_family = 3",
-    );
+    let part =
+        source("procedural_interior", "families = [\"wall_art\", \"plant\", \"cupboard\"]\nvariants_per_family = 3");
     let other = source("procedural_interior", "seed = 1");
     let forwards: Vec<_> = names.iter().map(|name| load(&*whole, name).digest).collect();
     let backwards: Vec<_> = names.iter().rev().map(|name| load(&*part, name).digest).collect();

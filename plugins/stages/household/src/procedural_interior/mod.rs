@@ -8,7 +8,9 @@ mod cabinets;
 mod couches;
 mod drapery;
 mod electronics;
+mod kitchens;
 mod lamps;
+mod luggage;
 mod openings;
 mod piece;
 mod plants;
@@ -138,7 +140,7 @@ impl InteriorFamily {
             Self::CardboardBoxes => ("cardboard_boxes", stuff::cardboard_boxes),
             Self::Chair => ("chair", seats::chair),
             Self::Clock => ("clock", walls::clock),
-            Self::CoatRack => ("coat_rack", stuff::coat_rack),
+            Self::CoatRack => ("coat_rack", luggage::coat_rack),
             Self::Cupboard => ("cupboard", cabinets::cupboard),
             Self::Curtain => ("curtain", drapery::curtain),
             Self::Cushion => ("cushion", couches::cushion),
@@ -155,7 +157,7 @@ impl InteriorFamily {
             Self::Screen => ("screen", electronics::screen),
             Self::Socket => ("socket", technical::socket),
             Self::Sofa => ("sofa", couches::sofa),
-            Self::Suitcase => ("suitcase", stuff::suitcase),
+            Self::Suitcase => ("suitcase", luggage::suitcase),
             Self::WallArt => ("wall_art", walls::wall_art),
             Self::WasteBin => ("waste_bin", stuff::waste_bin),
             Self::Whiteboard => ("whiteboard", boards::whiteboard),

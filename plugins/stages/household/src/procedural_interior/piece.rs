@@ -193,11 +193,6 @@ impl<'a> Piece<'a> {
         self.shape = before.and(added);
     }
 
-    /// Bends everything so far.
-    pub fn bend(&mut self, bend: impl Fn(Point3<f64>) -> Point3<f64>) {
-        self.shape = std::mem::take(&mut self.shape).bent(bend);
-    }
-
     /// Objects may lie on a rectangle of half extents around a point.
     pub fn carries(&mut self, center: [f64; 3], half: [f64; 2]) {
         let surface = Region::rectangle(center, half.map(|x| 2.0 * x));
