@@ -1,4 +1,4 @@
-//! Rebuilt scenes: the objects of a dataset at their poses before its cameras, in other surroundings.
+//! Rebuilt scenes: the objects of a dataset at their poses, seen by its cameras, in other surroundings.
 
 use crate::support::{fails, files, made, small_dataset, syntable};
 use serde_json::Value;
@@ -108,10 +108,39 @@ fn swapped_objects_stand_where_the_recorded_ones_were() {
     let assets = |of: &Value| -> Vec<String> {
         of.as_object().expect("objects").values().map(|it| it["asset"].to_string()).collect()
     };
-    let (own, other) = (assets(&own), assets(&other));
-    assert_eq!(own.len(), other.len());
-    let changed = own.iter().zip(&other).filter(|(a, b)| a != b).count();
-    assert!((1..own.len()).contains(&changed), "{changed} of {}", own.len());
+    let (names, others) = (assets(&own), assets(&other));
+    assert_eq!(names.len(), others.len());
+    let changed = names.iter().zip(&others).filter(|(a, b)| a != b).count();
+    assert!((1..names.len()).contains(&changed), "{changed} of {}", names.len());
+    // The recorded tables have other heights: heights count from the lowest object.
+    let boxes = |of: &Value| -> Vec<[[f64; 2]; 3]> {
+        of.as_object().expect("objects").values().map(|object| world_box(object)).collect()
+    };
+    let (own, other) = (boxes(&own), boxes(&other));
+    let lowest = |boxes: &[[[f64; 2]; 3]]| boxes.iter().map(|it| it[2][0]).fold(f64::INFINITY, f64::min);
+    let (floor, other_floor) = (lowest(&own), lowest(&other));
+    for ((a, b), (before, after)) in names.iter().zip(&others).zip(own.iter().zip(&other)) {
+        let height = |[low, high]: [f64; 2]| high - low;
+        assert!(height(after[2]) <= height(before[2]) + 0.011, "{a} {b}: {before:?} {after:?}");
+        let raised = (after[2][0] - other_floor) - (before[2][0] - floor);
+        assert!((-0.02..0.05).contains(&raised), "{a} {b}: {raised}");
+    }
+}
+
+/// The ranges of the box around an object along the axes of the world.
+fn world_box(object: &Value) -> [[f64; 2]; 3] {
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let (bounds, pose) = (&object["bounds_m"], &object["world_from_object"]);
+    let mut ranges = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
+    for corner in 0..8 {
+        let p: [f64; 3] = std::array::from_fn(|axis| number(&bounds[corner >> axis & 1][axis]));
+        for (axis, range) in ranges.iter_mut().enumerate() {
+            let row = &pose[axis];
+            let x = number(&row[3]) + (0..3).map(|k| number(&row[k]) * p[k]).sum::<f64>();
+            *range = [range[0].min(x), range[1].max(x)];
+        }
+    }
+    ranges
 }
 
 #[test]
@@ -145,11 +174,43 @@ fn what_cannot_be_rebuilt_is_refused_with_a_way_out() {
     let other = folder.path().join("moved.jsonl");
     std::fs::write(&other, text).expect("written");
     let said = run("moved", [1, 2], &of(&other), &[]);
-    assert!(said.contains("from its place in an earlier image") && said.contains("per = \"image\""), "{said}");
+    assert!(said.contains("from its pose in `") && said.contains("per = \"image\""), "{said}");
     let said = run("scenes", [1, 2], &format!("{}\nscenes = [7]", of(&jsonl)), &[]);
-    assert!(said.contains("`scenes` names scene 7") && said.contains("its scenes begin with 0, 1"), "{said}");
+    assert!(said.contains("`scenes` names scene 7") && said.contains("its first scenes are 0, 1"), "{said}");
     let labels = folder.path().join("coco.json");
     std::fs::write(&labels, r#"{"images":[],"annotations":[],"categories":[]}"#).expect("written");
     let said = run("coco", [1, 2], &of(&labels), &[]);
     assert!(said.contains("the dataset has no `camera`"), "{said}");
+    // A dataset without the poses of its cameras has no vertical, and one whose camera is mirrored has no pose.
+    let with_camera = |name: &str, change: &dyn Fn(&mut Value)| {
+        let mut all = lines(&source);
+        all.iter_mut().for_each(|line| change(&mut line["camera"]));
+        let text: String = all.iter().map(|line| format!("{line}\n")).collect();
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).expect("written");
+        of(&path)
+    };
+    let unposed = with_camera("unposed.jsonl", &|camera| {
+        camera.as_object_mut().expect("a table").remove("world_from_camera");
+    });
+    let said = run("unposed", [1, 1], &format!("{unposed}\nper = \"image\"\nframe = \"z_up\""), &[]);
+    assert!(said.contains("has no vertical") && said.contains("frame = \"resting_plane\""), "{said}");
+    let mirrored = with_camera("mirrored.jsonl", &|camera| camera["world_from_camera"][0][0] = Value::from(-3.0));
+    let said = run("mirrored", [1, 1], &mirrored, &[]);
+    assert!(said.contains("`world_from_camera` is not a rigid transform"), "{said}");
+    let skewed = with_camera("skewed.jsonl", &|camera| camera["K"][0][1] = Value::from(5.0));
+    let said = run("skewed", [1, 1], &skewed, &[]);
+    assert!(said.contains("the skew 5 px"), "{said}");
+    // Views of no recorded scene, and cameras of two.
+    let twice =
+        format!("{}\n[[place]]\nkind = \"recorded\"\nid = \"again\"\nfrom = \"objects\"\n{}", of(&jsonl), of(&jsonl));
+    let said = run("twice", [1, 1], &twice, &[]);
+    assert!(said.contains("both set the cameras of a recorded scene"), "{said}");
+    let mut check = syntable();
+    check.args(["check", "builtin:quickstart", "--set", "views={ kind = \"recorded\" }"]);
+    let said = fails(&mut check, 2);
+    assert!(
+        said.contains("[views] needs the cameras of a recorded scene") && said.contains("kind = \"recorded\""),
+        "{said}"
+    );
 }

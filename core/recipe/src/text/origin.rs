@@ -83,6 +83,7 @@ builtins![
     "bop-pbr",
     "ceiling-room",
     "clutter",
+    "lived-in",
     "open-sky",
     "quickstart",
     "real-objects",
