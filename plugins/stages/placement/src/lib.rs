@@ -1,5 +1,5 @@
-//! Placers: room, ground, table, bins and shelves, meshes at given poses, objects that are dropped or put down on a support, and
-//! clutter on the floor.
+//! Placers: room, ground, table, bins and shelves, furniture along the walls, meshes and objects at given poses, objects that are dropped
+//! or put down on a support, recorded scenes, and clutter on the floor.
 //!
 //! - `drop_box` and `arrange` share `objects`, which draws objects and their variation. `drop_box` starts them in the air; `arrange`
 //!   puts them down in the poses of `resting`, on the surface that `bearing` finds, where no `footprint` is in the way.
@@ -20,6 +20,7 @@ mod floor_support;
 mod footprint;
 mod furnishings;
 mod ground;
+mod listed;
 mod material;
 mod mesh;
 mod objects;
@@ -27,6 +28,7 @@ mod oriented_box;
 mod recorded;
 mod resting;
 mod room;
+mod rotation;
 mod support;
 mod table;
 mod variation;
@@ -36,6 +38,7 @@ pub use distractors::Distractors;
 pub use drop_box::DropBox;
 pub use furnishings::Furnishings;
 pub use ground::Ground;
+pub use listed::Listed;
 pub use mesh::Mesh;
 pub use recorded::Recorded;
 pub use room::Room;

@@ -3,6 +3,7 @@
 use crate::bounds::rotated_bounds;
 use crate::dist_list::dist_list;
 use crate::material::MaterialReplacement;
+use crate::rotation::{ROTATION_DEG, check_quaternion, euler, of_quaternion};
 use crate::variation::{ColorChange, FinishChange, Variation};
 use schemars::{Schema, SchemaGenerator};
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use syntable_mesh::root::AssetRoot;
 use syntable_mesh::size::{self, StatedLengths};
 use syntable_mesh::{ObjectInfo, Up};
 use syntable_model::digest::Hasher;
-use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
+use syntable_model::geometry::{Aabb, Point3, Vector3};
 use syntable_model::length_unit::LengthUnit;
 use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
@@ -27,14 +28,8 @@ const POOL: &str = "mesh";
 /// Limits of positions, meters.
 const POSITION_M: [f64; 2] = [-1000.0, 1000.0];
 
-/// Limits of rotations, degrees.
-const ROTATION_DEG: [f64; 2] = [-3600.0, 3600.0];
-
 /// Limits of `friction`.
 const FRICTION: [f64; 2] = [0.0, 10.0];
-
-/// Maximum deviation of the length of a quaternion from 1.
-const QUATERNION_TOLERANCE: f64 = 1e-3;
 
 /// Places a mesh of a file at a pose: a robot arm, a shelf, a second table, or an object.
 ///
@@ -215,15 +210,7 @@ impl Config for Mesh {
             }
         }
         if let Some(quaternion) = self.quaternion_wxyz {
-            let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if (length - 1.0).abs() > QUATERNION_TOLERANCE {
-                let message = format!("the quaternion has length {length:.4}, not 1");
-                return Err(ConfigError::new("quaternion_wxyz", message).help("divide its numbers by the length"));
-            }
-            if self.rotation_deg != origin() {
-                let message = "`rotation_deg` states the rotation already";
-                return Err(ConfigError::new("quaternion_wxyz", message).help("remove one of them"));
-            }
+            check_quaternion("quaternion_wxyz", quaternion, self.rotation_deg != origin())?;
         }
         for (key, is_given) in [("category", self.category.is_some()), ("obj_id", self.obj_id.is_some())] {
             if is_given && self.role != MeshRole::Object {
@@ -276,11 +263,8 @@ impl Placer for Mesh {
             std::array::from_fn(|axis| of[axis].draw(&mut stream.at(axis as u64)))
         };
         let rotation = match self.quaternion_wxyz {
-            Some([w, x, y, z]) => UnitQuaternion::from_quaternion([x, y, z, w].into()),
-            None => {
-                let [roll, pitch, yaw] = draw("rotation", &self.rotation_deg).map(f64::to_radians);
-                UnitQuaternion::from_euler_angles(roll, pitch, yaw)
-            }
+            Some(quaternion) => of_quaternion(quaternion),
+            None => euler(draw("rotation", &self.rotation_deg)),
         };
         let position = Vector3::from(draw("position", &self.position_m)) + from;
         let bounds = rotated_bounds(&object.mesh, &rotation);

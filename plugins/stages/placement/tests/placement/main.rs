@@ -2,6 +2,7 @@
 
 mod carriers;
 mod furnishings;
+mod listed;
 mod mesh;
 mod randomization;
 
