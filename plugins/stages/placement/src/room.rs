@@ -103,6 +103,18 @@ impl Config for Room {
         self.length_m.as_ref().map_or(Ok(()), |length| length.within("length_m", SIZE_M[0], SIZE_M[1]))?;
         self.height_m.within("height_m", SIZE_M[0], SIZE_M[1])?;
         check_scale("texture_scale", &self.texture_scale)?;
+        if self.floor_only && self.open_top {
+            let message = "a room with `floor_only` has no ceiling to leave out";
+            return Err(ConfigError::new("open_top", message).help("remove `open_top`"));
+        }
+        let RoomMaterials { floor, ceiling, .. } = &self.material;
+        for (key, pools) in [("material.floor", floor), ("material.ceiling", ceiling)] {
+            if self.all_alike && pools.is_some() {
+                let message =
+                    format!("with `all_alike`, all surfaces have the material of the walls, so `{key}` has no effect");
+                return Err(ConfigError::new(key, message).help(format!("remove `{key}` or `all_alike`")));
+            }
+        }
         Ok(Box::new(self))
     }
 }

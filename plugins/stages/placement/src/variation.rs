@@ -72,7 +72,7 @@ impl ColorChange {
 const FINISH: [f64; 2] = [0.0, 1.0];
 
 /// Changes how the materials of an object reflect light. Each part replaces the values and textures of all its materials; parts that
-/// are left out stay. Colors and normal maps stay.
+/// are left out stay. Colors, normal maps and the roughness of a clearcoat stay.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FinishChange {

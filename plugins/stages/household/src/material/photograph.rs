@@ -14,7 +14,7 @@ pub struct Photograph {
 }
 
 impl Photograph {
-    /// A photograph of RGBA texels, row 0 at the top. Larger ones than 640 texels are averaged over squares.
+    /// A photograph of RGBA texels, row 0 at the top. An image longer than 640 texels is downsampled by box averaging.
     pub fn of_rgba(width: usize, height: usize, rgba: &[u8]) -> Self {
         let step = width.max(height).div_ceil(LONGEST).max(1);
         let (columns, rows) = ((width / step).max(1), (height / step).max(1));

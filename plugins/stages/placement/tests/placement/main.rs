@@ -547,6 +547,9 @@ fn options_are_checked() {
         ("distractors", "from = [\"small\"]\ndistance_m = [2, 1]", "write the smaller bound first"),
         ("distractors", "from = [\"small\"]\nlying_probability = 2", "`lying_probability` cannot be 2"),
         ("room", "material = { roof = \"materials\" }", "roof"),
+        ("room", "floor_only = true\nopen_top = true", "no ceiling to leave out"),
+        ("room", "all_alike = true\nmaterial = { floor = \"materials\" }", "`material.floor` has no effect"),
+        ("furnishings", "from = [\"big\"]\nyaw_deg = 200", "`yaw_deg` cannot be 200"),
     ] {
         let error = refused(kind, options);
         assert!(error.contains(want), "{options}: {error}");

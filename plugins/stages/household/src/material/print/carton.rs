@@ -219,7 +219,7 @@ fn shipping(design: &Design, canvas: &mut MaterialCanvas, stream: &mut Stream, r
     if stream.chance(0.55) {
         // A label with an address and a code.
         let corner = at(stream.uniform(0.06, 0.3) as f32, stream.uniform(0.1, 0.4) as f32);
-        let [lw, lh] = [(0.11 * design.small / 0.0016).min(0.45 * w), (0.09 * design.small / 0.0016).min(0.5 * h)];
+        let [lw, lh] = [(0.11 * design.texels_per_m).min(0.45 * w), (0.09 * design.texels_per_m).min(0.5 * h)];
         let label = [corner[0], corner[1], corner[0] + lw, corner[1] + lh];
         let finish = canvas.set_finish(PrintFinish::matt(0.5));
         canvas.rect(label, 1.0, [0.93; 3]);
@@ -238,7 +238,7 @@ fn shipping(design: &Design, canvas: &mut MaterialCanvas, stream: &mut Stream, r
     if stream.chance(0.5) {
         // Tape over the upper edge.
         let finish = canvas.set_finish(PrintFinish::matt(0.16));
-        let half = (0.024 * design.small / 0.0016).min(0.2 * w);
+        let half = (0.024 * design.texels_per_m).min(0.2 * w);
         let [x, _] = at(0.5, 0.0);
         let color = mix(design.scheme.ground, [0.62, 0.45, 0.25], 0.6);
         canvas.rect([x - half, r[1], x + half, r[1] + 0.22 * h], 0.0, color);

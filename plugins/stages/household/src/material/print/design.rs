@@ -35,6 +35,8 @@ pub struct Design<'a> {
     pub ground_finish: PrintFinish,
     /// Finish of letters and artwork.
     pub finish: PrintFinish,
+    /// Resolution of the print, texels per meter.
+    pub texels_per_m: f32,
     /// Height of a capital of small print, texels.
     pub small: f32,
     logo: Logo,
@@ -77,6 +79,7 @@ impl<'a> Design<'a> {
             product: script.name(stream, product_case),
             ground_finish: PrintFinish { roughness, metallic },
             finish: PrintFinish::matt((roughness + stream.uniform(-0.08, 0.12) as f32).clamp(0.08, 0.95)),
+            texels_per_m: texels_per_m as f32,
             small: (0.0016 * texels_per_m) as f32,
             scheme,
             script,

@@ -1,6 +1,6 @@
 //! Relief of packages: dents, creases, wrinkles and embossing, as a normal map.
 
-use crate::material::{MaterialCanvas, ScalarField, texture};
+use crate::material::{MaterialCanvas, ScalarField, byte, texture};
 use std::sync::Arc;
 use syntable_model::random::Stream;
 use syntable_model::scene::{Encoding, Texture, Wrap};
@@ -108,7 +108,6 @@ impl ReliefMap {
         let (w, h) = (self.width, self.height);
         let step = 2.0 * COARSER as f32;
         let mut texels = Vec::with_capacity(4 * w * h);
-        let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
         for y in 0..h {
             let (above, below) = (y.saturating_sub(1) * w, (y + 1).min(h - 1) * w);
             for x in 0..w {

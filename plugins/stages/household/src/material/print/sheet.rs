@@ -7,13 +7,13 @@ use std::sync::Arc;
 use syntable_model::random::Stream;
 use syntable_model::scene::{Color, Material, NormalMap, Scalar, Texture, Wrap};
 
-/// Most texels of a print. Color takes four bytes a texel, relief one.
+/// Maximum number of texels of a print. Color takes four bytes a texel, relief one.
 pub const MOST_TEXELS: f64 = 500_000.0;
 
 /// Longest edge of a print, texels.
 pub const LONGEST: f64 = 1280.0;
 
-/// Most texels per meter: the size of the dots of offset print that a close view resolves.
+/// Maximum number of texels per meter: the size of the dots of offset print that a close view resolves.
 const FINEST: f64 = 4500.0;
 
 /// Texels per meter of a print of some extents, meters.
