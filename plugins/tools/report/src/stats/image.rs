@@ -1,5 +1,6 @@
 //! Statistics of one image.
 
+use super::appearance::Appearance;
 use super::duplicates::{Thumbnail, luma};
 use super::options::{Edges, StatisticsOptions};
 use super::quantity::Quantity;
@@ -220,6 +221,7 @@ pub(super) fn tally(
         let (brightness, thumbnail) = luma(rgb);
         (tally.row.brightness, tally.thumbnail) = (Some(brightness), Some(thumbnail));
         tally.values.push((Quantity::Brightness, brightness));
+        tally.values.extend(Appearance::of(rgb).values());
     }
     if let Some(depth) = products.optional(DEPTH)? {
         tally.depth(depth);

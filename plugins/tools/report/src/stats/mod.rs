@@ -14,6 +14,7 @@
 //! number includes them. All numbers follow from the dataset's masks, so a dataset has the same numbers in every format
 //! that keeps masks.
 
+mod appearance;
 pub mod distance;
 pub mod distribution;
 pub mod duplicates;
@@ -149,8 +150,11 @@ fn unknown(
         (!is_empty && !says(Quantity::ObjectSize), "objects have no boxes in space: sizes in meters are unknown"),
         (!is_empty && !says(Quantity::ObjectDistance), "objects have no poses: distances from the camera are unknown"),
         (!options.labels_only && !offers.contains(&DEPTH.id()), "the dataset has no depth images"),
-        (!options.labels_only && !offers.contains(&RGB.id()), "the dataset has no color images: brightness is unknown"),
-        (options.labels_only, "images were not read: brightness, depth and near-duplicate views are unknown"),
+        (
+            !options.labels_only && !offers.contains(&RGB.id()),
+            "the dataset has no color images: brightness and look are unknown",
+        ),
+        (options.labels_only, "images were not read: brightness, look, depth and near-duplicate views are unknown"),
     ];
     lacks.into_iter().filter(|it| it.0).map(|it| it.1.to_owned()).collect()
 }

@@ -23,6 +23,16 @@ pub enum Quantity {
     Depth,
     /// Mean luma of an image.
     Brightness,
+    /// Standard deviation of an image's luma.
+    Contrast,
+    /// Mean difference of the largest and the smallest channel.
+    Saturation,
+    /// Mean red over mean red and blue.
+    Warmth,
+    /// Mean gradient of an image's luma.
+    Edges,
+    /// Mean difference of luma from its neighborhood.
+    Detail,
 }
 
 /// How the bins of a quantity depend on its range.
@@ -62,7 +72,7 @@ const MOST_ROUND: f64 = 20.0;
 
 impl Quantity {
     /// All quantities, in the order of output.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 15] = [
         Self::OcclusionRate,
         Self::ObjectsPerView,
         Self::ComponentSize,
@@ -73,6 +83,11 @@ impl Quantity {
         Self::ObjectDistance,
         Self::Depth,
         Self::Brightness,
+        Self::Contrast,
+        Self::Saturation,
+        Self::Warmth,
+        Self::Edges,
+        Self::Detail,
     ];
 
     /// Properties of the quantity.
@@ -95,6 +110,11 @@ impl Quantity {
             }
             Self::Depth => about("depth", "depth", "m", "pixel", 1e-2, Bins::Round),
             Self::Brightness => about("brightness", "brightness", "", "view", 1e-4, Bins::Tenths),
+            Self::Contrast => about("contrast", "contrast", "", "view", 1e-4, Bins::Round),
+            Self::Saturation => about("saturation", "saturation", "", "view", 1e-4, Bins::Round),
+            Self::Warmth => about("warmth", "warmth", "", "view", 1e-4, Bins::Round),
+            Self::Edges => about("edges", "edges", "", "view", 1e-5, Bins::Round),
+            Self::Detail => about("detail", "fine detail", "", "view", 1e-5, Bins::Round),
         }
     }
 
