@@ -44,7 +44,8 @@ pub fn sofa(piece: &mut Piece) {
 fn couch(piece: &mut Piece, seats: usize, wide: f64) {
     let cloth = cover(piece);
     let legs = if piece.paint.chance(0.6) { piece.wood(0.1) } else { piece.metal() };
-    let arm = piece.uniform(0.08, 0.22);
+    let has_arms = seats > 1 || piece.form.chance(0.8);
+    let arm = if has_arms { piece.uniform(0.08, 0.22) } else { 0.004 };
     let (a, b) = (0.5 * wide * seats as f64, 0.5 * piece.uniform(0.75, 0.92));
     let (low, seat, top) = (piece.uniform(0.08, 0.18), piece.uniform(0.4, 0.46), piece.uniform(0.72, 0.92));
     let round = piece.uniform(0.03, 0.06);
@@ -54,7 +55,6 @@ fn couch(piece: &mut Piece, seats: usize, wide: f64) {
         ([-a - arm, b - back, low], [a + arm, b, top - 0.06]),
     ];
     let rest = piece.uniform(0.54, 0.66);
-    let has_arms = seats > 1 || piece.form.chance(0.85);
     if has_arms {
         for side in [-1.0, 1.0] {
             let [x0, x1] = [side * a, side * (a + arm)];

@@ -146,7 +146,7 @@ fn venetian(piece: &mut Piece, half: f64, [hem, top]: [f64; 2]) {
     };
     let cord = piece.plain("cord", [0.8, 0.79, 0.75], 0.9);
     let depth = *piece.form.pick(&[0.025, 0.035, 0.05]).unwrap_or(&0.025);
-    let tilt = piece.uniform(-60.0, 60.0);
+    let tilt = if piece.form.chance(0.2) { piece.uniform(55.0, 68.0) } else { piece.uniform(-38.0, 38.0) };
     let pitch = 0.84 * depth;
     piece.block(slats, [-half, -0.5 * depth - 0.012, top], [half, 0.5 * depth + 0.006, top + 0.045], 0.003);
     let count = (((top - hem) / pitch) as usize).clamp(6, 70);

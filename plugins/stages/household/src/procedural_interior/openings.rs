@@ -140,7 +140,7 @@ pub fn casements(piece: &mut Piece, [width, height]: [f64; 2], y: f64) {
     let frame = piece.wood(0.85);
     let metal = piece.metal();
     let view = outdoors(&mut piece.paint, piece.photographs);
-    let nits = if piece.paint.chance(0.6) { piece.paint.uniform(150.0, 1500.0) } else { 0.0 };
+    let nits = if piece.paint.chance(0.6) { 100.0 * libm::pow(12.0, piece.paint.unit()) } else { 0.0 };
     let light = Color { factor: [nits as f32; 3], ..Color::texture(view) };
     let light = if nits > 0.0 { light } else { Color::constant([0.0; 3]) };
     let pane = piece.glowing([0.02, 0.025, 0.035], 0.03, light);

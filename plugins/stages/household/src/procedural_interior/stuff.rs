@@ -31,7 +31,7 @@ pub fn cardboard_boxes(piece: &mut Piece) {
         a *= piece.uniform(0.78, 0.98);
         b *= piece.uniform(0.82, 0.98);
         if !is_open && number + 1 == count {
-            piece.carries([shift[0], shift[1], z], [0.8 * a, 0.8 * b]);
+            piece.carries([shift[0], shift[1], z - 0.002], [0.8 * a, 0.8 * b]);
         }
     }
 }
