@@ -613,9 +613,9 @@ fn furnishings_are_sound_and_real() {
         for area in &object.support_areas {
             let surface = area.surface;
             let bounds = object.mesh.bounds();
-            assert!((bounds.min.z..=bounds.max.z + 1e-9).contains(&surface.height()), "{name}: {surface:?}");
+            assert!((bounds.min.z..=bounds.max.z + 1e-6).contains(&surface.height()), "{name}: {surface:?}");
             let half = [0, 1].map(|k| 0.5 * surface.edges()[k]);
-            assert!(half[0] <= 0.5 * size.x + 1e-9 && half[1] <= 0.5 * size.y + 1e-9, "{name}: {surface:?}");
+            assert!(half[0] <= 0.5 * size.x + 1e-6 && half[1] <= 0.5 * size.y + 1e-6, "{name}: {surface:?}");
         }
     }
     // About half of all lamps and screens are lit.

@@ -157,7 +157,6 @@ pub fn carcass(piece: &mut Piece, slots: &Finishes, [a, b]: [f64; 2], [z0, z1]: 
     }
     piece.board(slots.dark, [-a + thick, -b + 0.004, z0 + 0.004], [a - thick, b, z1 - thick]);
     piece.board(slots.carcass, [-a - overhang, -b - 0.02 - overhang, z1 - 0.022], [a + overhang, b, z1]);
-    piece.carries([0.0, 0.0, z1], [a, b]);
 }
 
 /// Legs, a plinth, or nothing below a cabinet. Returns the height of its bottom.
@@ -192,6 +191,7 @@ fn sideboard(piece: &mut Piece) {
     let height = piece.uniform(0.6, 0.95);
     let z0 = base(piece, &slots, [a, b]);
     carcass(piece, &slots, [a, b], [z0, height], 0.004);
+    piece.carries([0.0, 0.0, height], [a, b]);
     let columns = ((2.0 * a) / piece.uniform(0.4, 0.55)).round().max(2.0) as usize;
     let wide = 2.0 * a / columns as f64;
     let top = height - 0.024;
@@ -217,6 +217,7 @@ fn dresser(piece: &mut Piece) {
     let heights: Vec<f64> = (0..rows).map(|row| 0.24 - 0.016 * row as f64).collect();
     let top = z0 + heights.iter().sum::<f64>();
     carcass(piece, &slots, [a, b], [z0, top + 0.024], 0.006);
+    piece.carries([0.0, 0.0, top + 0.024], [a, b]);
     let wide = 2.0 * a / columns as f64;
     let mut z = z0;
     for height in heights {
@@ -236,6 +237,7 @@ fn wardrobe(piece: &mut Piece) {
     let height = piece.uniform(1.75, 2.25);
     piece.board(slots.carcass, [-a + 0.002, -b + 0.03, 0.0], [a - 0.002, b - 0.01, 0.07]);
     carcass(piece, &slots, [a, b], [0.06, height], 0.003);
+    piece.carries([0.0, 0.0, height], [a, b]);
     let split = if piece.form.chance(0.4) { 0.5 } else { 0.07 };
     for door in 0..doors {
         let x = -a + wide * door as f64;

@@ -17,7 +17,6 @@ pub fn kitchen(piece: &mut Piece) {
     piece.board(slots.dark, [-a, -b + 0.05, 0.0], [a, b, 0.1]);
     carcass(piece, &slots, [a, b], [0.1, 0.86], 0.0);
     piece.block(worktop, [-a - 0.01, -b - 0.04, 0.86], [a + 0.01, b, 0.9], 0.004);
-    piece.carries([0.0, 0.0, 0.9], [a, b]);
     for unit in 0..units {
         let x = -a + wide * unit as f64;
         match piece.form.below(3) {
@@ -34,7 +33,11 @@ pub fn kitchen(piece: &mut Piece) {
         }
     }
     // A row of wall units above, in some.
-    if piece.form.chance(0.55) {
+    let has_wall_units = piece.form.chance(0.55);
+    // Below wall units, the free part of the worktop is in front.
+    let free = if has_wall_units { 0.13 } else { b };
+    piece.carries([0.0, free - b - 0.03, 0.9], [a, free]);
+    if has_wall_units {
         let (low, high, depth) = (1.42, 1.42 + piece.uniform(0.6, 0.75), 0.33);
         piece.board(slots.carcass, [-a, b - depth, low], [a, b, high]);
         piece.board(slots.carcass, [-a, b - 0.012, 0.9], [a, b, low]);

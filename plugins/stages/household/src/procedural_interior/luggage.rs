@@ -77,7 +77,8 @@ fn backpack(piece: &mut Piece) {
     };
     let body = stand(soft_box(cloth, [2.0 * a, height, 0.17], soft), 0.0, 0.5 * height);
     piece.join(cloth, body);
-    let pocket = stand(soft_box(second, [1.6 * a, 0.46 * height, 0.09], soft), -0.1, 0.3 * height);
+    let flat = Softness { corner: 0.05, edge: 0.026, bulge: 0.008, bow: 0.004 };
+    let pocket = stand(soft_box(second, [1.55 * a, 0.44 * height, 0.075], flat), -0.098, 0.29 * height);
     piece.join(second, pocket);
     for z in [0.5 * height, 0.86 * height] {
         let zip = spline(

@@ -12,8 +12,8 @@ use syntable_model::geometry::Point3;
 pub fn chair(piece: &mut Piece) {
     match piece.form.below(9) {
         0..=3 => dining(piece),
-        4 | 5 => shell(piece),
-        6 | 7 => office(piece),
+        4..=6 => shell(piece),
+        7 => office(piece),
         _ => stool(piece),
     }
 }
