@@ -97,7 +97,7 @@ fn couch(piece: &mut Piece, seats: usize, wide: f64) {
 fn throw_pillow(piece: &mut Piece, edge: f64, place: impl Fn(SolidShape) -> SolidShape) {
     use MaterialFamily::{Fabric, Knit, Quilt, Tablecloth, Velvet};
     let cloth =
-        if piece.paint.chance(0.5) { piece.surface(&[Fabric, Knit, Tablecloth, Velvet, Quilt]) } else { piece.cloth() };
+        if piece.paint.chance(0.3) { piece.surface(&[Fabric, Knit, Tablecloth, Velvet, Quilt]) } else { piece.cloth() };
     let tall = edge * if piece.form.chance(0.25) { 0.66 } else { 1.0 };
     let (thick, turn) = (edge * piece.uniform(0.28, 0.42), piece.uniform(-14.0, 14.0));
     let folds = Crumple::draw(&mut piece.form, 6, [0.08, 0.3], 0.006);

@@ -70,7 +70,7 @@ fn glass(piece: &mut Piece, aspect: f64) -> u16 {
     let image = screen_image(&mut piece.paint, aspect, piece.photographs);
     let gloss = piece.paint.uniform(0.05, 0.3);
     let nits = piece.paint.uniform(80.0, 300.0) as f32;
-    let light = if piece.paint.chance(0.5) {
+    let light = if piece.form.chance(0.5) {
         Color { factor: [nits; 3], ..Color::texture(image) }
     } else {
         Color::constant([0.0; 3])
@@ -124,14 +124,10 @@ fn widths(row: usize, full: bool) -> Vec<(f64, f64)> {
     }
     keys.retain(|(x, wide)| x + wide < 15.01);
     if full && row > 0 {
-        let middle: &[f64] = if row < 3 {
-            &[0.0, 1.0, 2.0]
-        } else if row == 5 {
-            &[0.0, 1.0, 2.0]
-        } else if row == 4 {
-            &[1.0]
-        } else {
-            &[]
+        let middle: &[f64] = match row {
+            1 | 2 | 5 => &[0.0, 1.0, 2.0],
+            4 => &[1.0],
+            _ => &[],
         };
         keys.extend(middle.iter().map(|x| (15.25 + 0.66 * x, 0.66)));
         keys.extend([0.0, 1.0, 2.0, 3.0].map(|x| (17.5 + x, 1.0)));

@@ -86,7 +86,7 @@ impl<'a> Piece<'a> {
     /// Adds a cloth: of one color with a weave, or a patterned one.
     pub fn cloth(&mut self) -> u16 {
         use MaterialFamily::{Fabric, Knit, Leather, Quilt, Upholstery, Velvet};
-        if self.paint.chance(0.35) {
+        if self.paint.chance(0.2) {
             return self.surface(&[Fabric, Fabric, Velvet, Knit]);
         }
         let color = tones::cloth(&mut self.paint);

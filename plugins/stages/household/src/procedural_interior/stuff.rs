@@ -136,7 +136,7 @@ pub fn waste_bin(piece: &mut Piece) {
         let skin = Lathe::new(&outline).segments(48).surface().bent(|p| p + folds.at(p) * 0.6);
         piece.join(bag, boxed(skin));
     }
-    let paper = piece.surface(&[MaterialFamily::Paper]);
+    let paper = piece.tinted(MaterialFamily::Paper, [0.88, 0.87, 0.84], 0.9);
     for number in 0..piece.form.below(6) {
         let (sin, cos) = libm::sincos(TAU * 0.382 * number as f64);
         let folds = Crumple::draw(&mut piece.form, 6, [0.02, 0.06], 0.014);

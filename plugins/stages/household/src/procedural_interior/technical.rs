@@ -3,7 +3,7 @@
 use super::piece::Piece;
 use super::solids::{arc, rounded, spline, tube};
 use super::tones;
-use crate::material::{MaterialFamily, hsv};
+use crate::material::{MaterialFamily, hsv, shade};
 use crate::shape::{SlotMapping, SolidShape, extrude};
 use std::f64::consts::{PI, TAU};
 use syntable_model::geometry::{Point3, Vector3};
@@ -106,7 +106,7 @@ fn columns(piece: &mut Piece, enamel: u16, half: f64, [low, high]: [f64; 2]) {
 pub fn socket(piece: &mut Piece) {
     let color = if piece.paint.chance(0.8) { hsv(0.12, 0.03, 0.88) } else { tones::case(&mut piece.paint) };
     let plate = piece.tinted(MaterialFamily::Plastic, color, 0.3);
-    let dark = piece.plain("hole", [0.02; 3], 0.9);
+    let dark = piece.plain("recess", shade(color, 0.72), 0.4);
     let metal = piece.plain("pin", [0.7, 0.68, 0.62], 0.4);
     let count = piece.form.integer(1, 4) as usize;
     let edge = 0.0715;
