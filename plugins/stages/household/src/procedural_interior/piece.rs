@@ -85,12 +85,12 @@ impl<'a> Piece<'a> {
 
     /// Adds a cloth: of one color with a weave, or a patterned one.
     pub fn cloth(&mut self) -> u16 {
-        use MaterialFamily::{Fabric, Knit, Leather, Quilt, Upholstery, Velvet};
+        use MaterialFamily::{Fabric, Knit, Velvet};
         if self.paint.chance(0.2) {
             return self.surface(&[Fabric, Fabric, Velvet, Knit]);
         }
         let color = tones::cloth(&mut self.paint);
-        self.cloth_of(color, &[Fabric, Fabric, Velvet, Upholstery, Leather, Quilt][..2])
+        self.cloth_of(color, &[Fabric, Fabric, Velvet, Knit])
     }
 
     /// Adds a cloth of a color with the weave of one of some families.
@@ -150,7 +150,7 @@ impl<'a> Piece<'a> {
         self.keep(solid.box_mapped(tile, grain));
     }
 
-    /// Adds a solid with its own texture coordinates. Its slots are those of the furnishing.
+    /// Adds a solid with its own texture coordinates. Its slots are the furnishing's.
     pub fn keep(&mut self, solid: SolidShape) {
         self.shape = std::mem::take(&mut self.shape).and(solid);
     }

@@ -56,7 +56,7 @@ fn greens(piece: &mut Piece) -> [u16; 3] {
         1 => hsv(0.9, 0.4, 0.5),
         _ => hsv(hue, saturation, value * 1.3),
     };
-    let gloss = piece.paint.uniform(0.28, 0.6);
+    let gloss = piece.paint.uniform(0.42, 0.7);
     [0.82, 1.0, 1.2].map(|tone| {
         let color = hsv(hue + piece.paint.uniform(-0.015, 0.015), saturation, value * tone);
         let texture = leaf(&mut piece.paint, color, tip);
@@ -220,7 +220,7 @@ fn swords(piece: &mut Piece, slots: [u16; 3], earth: f64, room: f64) {
 
 /// Few large leaves on long stalks.
 fn broad(piece: &mut Piece, slots: [u16; 3], stem: u16, earth: f64) {
-    let count = piece.form.integer(10, 20);
+    let count = piece.form.integer(16, 32);
     let height = piece.uniform(0.4, 1.0);
     let mut foliage = SolidShape::default();
     for number in 0..count {
@@ -232,7 +232,7 @@ fn broad(piece: &mut Piece, slots: [u16; 3], stem: u16, earth: f64) {
         let end = start + Vector3::z() * up + out * away;
         let path = spline(&[start, start + Vector3::z() * (0.6 * up) + out * (0.25 * away), end], 4);
         foliage = foliage.and(tube(SlotMapping::tile(stem, 0.1), &path, 5, 8, |t| 0.004 - 0.0015 * t));
-        let length = piece.uniform(0.16, 0.3);
+        let length = piece.uniform(0.17, 0.34);
         let form = LeafForm {
             length,
             width: length * 0.62,
@@ -251,7 +251,7 @@ fn broad(piece: &mut Piece, slots: [u16; 3], stem: u16, earth: f64) {
 fn bush(piece: &mut Piece, slots: [u16; 3], stem: u16, earth: f64) {
     let stems = piece.form.integer(1, 4);
     let trunk = piece.uniform(0.1, 0.7) * if stems == 1 { 1.0 } else { 0.35 };
-    let (crown, size) = (piece.uniform(0.35, 0.75), piece.uniform(0.05, 0.1));
+    let (crown, size) = (piece.uniform(0.35, 0.75), piece.uniform(0.065, 0.12));
     let mut foliage = SolidShape::default();
     let branches = 26 / stems;
     for number in 0..stems {
@@ -271,8 +271,8 @@ fn bush(piece: &mut Piece, slots: [u16; 3], stem: u16, earth: f64) {
             let length = crown * piece.uniform(0.3, 0.55) * (1.0 - 0.35 * t);
             let end = from + along * length;
             foliage = foliage.and(bar(SlotMapping::fit(stem), from, end, [0.0035, 0.0015]));
-            for leaf_number in 0..8 {
-                let s = 0.3 + 0.7 * leaf_number as f64 / 7.0;
+            for leaf_number in 0..10 {
+                let s = 0.25 + 0.75 * leaf_number as f64 / 9.0;
                 let turn = TAU * leaf_number as f64 * 0.382;
                 let side = along.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::x);
                 let around = side * libm::cos(turn) + side.cross(&along) * libm::sin(turn);

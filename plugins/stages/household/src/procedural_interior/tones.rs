@@ -1,4 +1,4 @@
-//! Colors of furnishings: quieter than those of goods.
+//! Colors of furnishings: quieter than the colors of goods.
 
 use crate::material::{SrgbColor, hsv};
 use syntable_model::random::Stream;

@@ -136,7 +136,7 @@ pub fn scribbles(stream: &mut Stream, aspect: f64) -> Arc<Texture> {
     let rows = 480;
     let mut canvas = MaterialCanvas::new((rows as f64 * aspect) as usize, rows, [0.93, 0.935, 0.93]);
     let [w, h] = canvas.size();
-    // Traces of what was wiped off.
+    // Traces of older writing.
     let stains = ScalarField::fractal(64, [5, 3], 4, 0.6, stream);
     canvas.map(|x, y, color| {
         let stain = stains.sample(x as f32 / w * 64.0, y as f32 / h * 64.0);

@@ -1,4 +1,4 @@
-//! What a lit screen shows: photographs, windows with text, code, charts and films.
+//! Images of lit screens: photographs, windows with text, code, charts and films.
 
 use super::artwork::{Artwork, ArtworkPlace};
 use super::text::Paragraph;

@@ -15,7 +15,7 @@ use std::f32::consts::TAU;
 use syntable_model::random::Stream;
 use syntable_model::scene::Wrap;
 
-/// What one piece of wall art shows.
+/// The motif of one piece of wall art, and its proportions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WallArt {
     motif: Motif,
@@ -179,9 +179,9 @@ fn painting(canvas: &mut MaterialCanvas, relief: &mut ReliefMap, stream: &mut St
     };
     canvas.map(|x, y, _| {
         let (t, stroke) = tone(x as f32, y as f32);
-        let t = 2.0 + 3.4 * t + 0.25 * stroke;
+        let t = 2.0 + 2.2 * t + 0.2 * stroke;
         let i = (t.clamp(0.0, 3.99)) as usize;
-        let color = mix(colors[i], colors[(i + 1) % 5], 3.0 * (t - i as f32) - 1.0);
+        let color = mix(colors[i], colors[(i + 1) % 5], 1.6 * (t.clamp(0.0, 4.0) - i as f32) - 0.3);
         shade(color, 1.0 + 0.12 * stroke)
     });
     relief.add_all(|x, y| 1.6 * tone(x, y).1);
