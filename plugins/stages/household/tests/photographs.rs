@@ -28,11 +28,15 @@ fn decode(_: &[u8], budget: &Budget) -> Result<DecodedImage> {
 const FAMILIES: &str = "families = [\"book\", \"box\", \"magazine\", \"mug\"]\nvariants_per_family = 6\n";
 
 fn source(options: &str) -> Box<dyn AssetSource> {
+    source_of("household", options)
+}
+
+fn source_of(kind: &str, options: &str) -> Box<dyn AssetSource> {
     let registry = Registry::linked().expect("no clash");
-    let entry = registry.find(Slot::Assets, "household").expect("linked");
+    let entry = registry.find(Slot::Assets, kind).expect("linked");
     match entry.construct_str(options).unwrap_or_else(|error| panic!("{options}: {error:?}")).stage {
         Stage::Assets(source) => source,
-        _ => panic!("household is no asset source"),
+        _ => panic!("{kind} is no asset source"),
     }
 }
 
@@ -94,4 +98,23 @@ fn folders_without_photographs_are_refused() {
         let text = format!("{error:?}");
         assert!(text.contains("photographs") && text.contains(&*path.to_string_lossy()), "{text}");
     }
+}
+
+#[test]
+fn wall_art_shows_photographs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("a.png"), "magenta").expect("written");
+    let options = "families = [\"wall_art\"]\nvariants_per_family = 8\n";
+    let source = source_of("procedural_interior", &format!("{options}photographs = '{}'", folder.path().display()));
+    assert_eq!(source.license(), None);
+    let mut shown = 0;
+    for entry in source.catalog(&Collected::default()).expect("a catalog").entries {
+        let object = load(&*source, &entry.name);
+        assert!(object.license.is_empty(), "the license of a photograph is unknown");
+        let textures = object.materials.iter().filter_map(|material| material.base_color.texture.as_ref());
+        let mut magenta = textures
+            .map(|used| used.texture.texels.chunks(4).filter(|t| t[0] > 215 && t[1] < 40 && t[2] > 215).count());
+        shown += usize::from(magenta.any(|count| count > 2000));
+    }
+    assert!(shown >= 4, "{shown} of 8 show the photograph");
 }

@@ -97,12 +97,14 @@ pub fn curtain(piece: &mut Piece) {
         panel(piece, cloth, [-half, -half + cover], [hem, top], tied.then_some(-1.0));
         panel(piece, cloth, [half - cover, half], [hem, top], tied.then_some(1.0));
     }
+    // Folds and the handles of a window do not touch.
+    let wall = if behind { 0.175 } else { 0.09 };
     let (rod, reach) = (top + 0.025, half + piece.form.uniform(0.06, 0.14));
     piece.bar(metal, [-reach, 0.0, rod], [reach, 0.0, rod], [0.011; 2]);
     for side in [-1.0, 1.0] {
         let x = side * reach;
         piece.bar(metal, [x, 0.0, rod], [x + side * 0.045, 0.0, rod], [0.021, 0.013]);
-        piece.bar(metal, [x - side * 0.05, 0.0, rod], [x - side * 0.05, 0.08, rod], [0.007; 2]);
+        piece.bar(metal, [x - side * 0.05, 0.0, rod], [x - side * 0.05, wall, rod], [0.007; 2]);
     }
     for number in 0..=(14.0 * half) as usize {
         let x = -half + number as f64 / (14.0 * half).floor() * 2.0 * half;
@@ -114,7 +116,7 @@ pub fn curtain(piece: &mut Piece) {
     if behind {
         let (wide, tall) = (1.7 * half, if is_long { 0.55 * height } else { 0.8 * height });
         let center = if is_long { 0.63 * height } else { 0.5 * height };
-        piece.placed([0.0, 0.0, center], 0.0, |piece| casements(piece, [wide, tall], 0.055));
+        piece.placed([0.0, 0.0, center], 0.0, |piece| casements(piece, [wide, tall], 0.125));
     }
 }
 
@@ -124,7 +126,7 @@ pub fn blind(piece: &mut Piece) {
     let height = piece.uniform(0.9, 1.6);
     let drawn = if piece.form.chance(0.5) { 1.0 } else { piece.uniform(0.45, 0.9) };
     if drawn < 1.0 || piece.form.chance(0.7) {
-        casements(piece, [2.0 * half, height], 0.06);
+        casements(piece, [2.0 * half, height], 0.072);
     }
     let hem = 0.5 * height - drawn * height;
     let top = 0.5 * height;
