@@ -13,7 +13,6 @@ fn cover(piece: &mut Piece) -> u16 {
     use MaterialFamily::{Fabric, Knit, Leather, Velvet};
     match piece.paint.below(6) {
         0 => piece.surface(&[Leather]),
-        1 => piece.surface(&[Fabric, Velvet]),
         _ => {
             let color = tones::cloth(&mut piece.paint);
             piece.cloth_of(color, &[Fabric, Fabric, Velvet, Knit])

@@ -85,7 +85,7 @@ pub fn waste_bin(piece: &mut Piece) {
     let color = tones::paint(&mut piece.paint);
     let slot = match piece.paint.below(4) {
         0 => piece.metal(),
-        1 => piece.surface(&[MaterialFamily::BrushedMetal, MaterialFamily::Leather]),
+        1 => piece.surface(&[MaterialFamily::BrushedMetal]),
         2 => piece.tinted(MaterialFamily::Plastic, [0.05; 3], 0.4),
         _ => piece.tinted(MaterialFamily::Plastic, color, 0.4),
     };
