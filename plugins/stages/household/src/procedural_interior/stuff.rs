@@ -17,6 +17,10 @@ pub fn cardboard_boxes(piece: &mut Piece) {
     } else {
         piece.plain("tape", hsv(0.12, 0.06, 0.8), 0.25)
     };
+    // All boxes of a stack have the same label: about the last third of a wrapped print.
+    let sticker = [piece.uniform(0.09, 0.16), piece.uniform(0.07, 0.11)];
+    let sheet = label(&mut piece.paint, LabelKind::Glued, [3.0 * sticker[0], sticker[1]], piece.photographs);
+    let print = piece.print(&sheet, None);
     let count = piece.form.integer(1, 4);
     let mut z = 0.0;
     let (mut a, mut b) = (0.5 * piece.uniform(0.35, 0.6), 0.5 * piece.uniform(0.28, 0.42));
@@ -26,7 +30,13 @@ pub fn cardboard_boxes(piece: &mut Piece) {
         let shift = [piece.uniform(-0.02, 0.02), piece.uniform(-0.015, 0.015)];
         let is_open = number + 1 == count && piece.form.chance(0.4);
         let board = boards[(number % 2) as usize];
-        piece.placed([shift[0], shift[1], z], yaw, |piece| carton(piece, [board, tape], [a, b, height], is_open));
+        let is_labeled = piece.form.chance(0.65);
+        piece.placed([shift[0], shift[1], z], yaw, |piece| {
+            carton(piece, [board, tape], [a, b, height], is_open);
+            if is_labeled {
+                attach(piece, [print, board], sticker, [a, b, height]);
+            }
+        });
         z += height + 0.002;
         a *= piece.uniform(0.78, 0.98);
         b *= piece.uniform(0.82, 0.98);
@@ -67,17 +77,15 @@ fn carton(piece: &mut Piece, [board, tape]: [u16; 2], [a, b, height]: [f64; 3], 
             piece.board(tape, [x0.min(x1), -wide, height - 0.07], [x0.max(x1), wide, height + 0.0003]);
         }
     }
-    if piece.form.chance(0.6) {
-        let (wide, tall) = (piece.uniform(0.09, 0.16), piece.uniform(0.07, 0.11));
-        let sheet = label(&mut piece.paint, LabelKind::Glued, [3.0 * wide, tall], piece.photographs);
-        let print = piece.print(&sheet, None);
-        let (x, z) = (piece.uniform(-0.4, 0.4) * a, height * piece.uniform(0.45, 0.6));
-        let at = [x - 0.5 * wide, -b - 0.0006, z - 0.5 * tall];
-        let side = |side| if side == 2 { SlotMapping::fit(print) } else { SlotMapping::fit(board) };
-        let sticker = rounded(at, [x + 0.5 * wide, -b + 0.001, z + 0.5 * tall], 0.0, side);
-        // A third of the wrapped print: its facts.
-        piece.keep(sticker.uv_in(print, [0.66, 0.0, 1.0, 1.0]));
-    }
+}
+
+/// A label on the front of a box.
+fn attach(piece: &mut Piece, [print, board]: [u16; 2], [wide, tall]: [f64; 2], [a, b, height]: [f64; 3]) {
+    let (x, z) = (piece.uniform(-0.4, 0.4) * a, height * piece.uniform(0.45, 0.6));
+    let at = [x - 0.5 * wide, -b - 0.0006, z - 0.5 * tall];
+    let side = |side| if side == 2 { SlotMapping::fit(print) } else { SlotMapping::fit(board) };
+    let label = rounded(at, [x + 0.5 * wide, -b + 0.001, z + 0.5 * tall], 0.0, side);
+    piece.keep(label.uv_in(print, [0.66, 0.0, 1.0, 1.0]));
 }
 
 /// A waste bin: of plastic, metal, wire or wicker; with a bag or crumpled paper in some.
