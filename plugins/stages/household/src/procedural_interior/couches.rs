@@ -81,7 +81,8 @@ fn couch(piece: &mut Piece, seats: usize, wide: f64) {
         piece.bar(legs, [at[0] + 0.02 * x, at[1] + 0.02 * y, 0.0], [at[0], at[1], low + 0.03], [0.014, 0.022]);
     }
     piece.carries([0.0, -0.5 * back, seat + 0.03], [0.8 * a, 0.6 * b]);
-    for number in 0..piece.form.below(seats as u64 + 2) {
+    // One on each side, so that they do not overlap.
+    for number in 0..piece.form.below(seats as u64 + 2).min(seats.min(2) as u64) {
         let side = if number % 2 == 0 { -1.0 } else { 1.0 };
         let x = side * (a - 0.24) * piece.uniform(0.6, 1.0) * if seats > 1 { 1.0 } else { 0.3 };
         let edge = piece.uniform(0.36, 0.48);
