@@ -93,7 +93,7 @@ fn columns(piece: &mut Piece, enamel: u16, half: f64, [low, high]: [f64; 2]) {
         }
         for z in [low + 0.02, high - 0.02] {
             let reach = 0.017 * (depth - 1) as f64 + 0.014;
-            let head = rounded([x - 0.022, -reach, z - 0.02], [x + 0.022, reach, z + 0.02], 0.016, |_| {
+            let head = rounded([x - 0.022, -reach, z - 0.02], [x + 0.022, reach, z + 0.02], 0.008, |_| {
                 SlotMapping::fit(enamel)
             });
             all = all.and(head);
