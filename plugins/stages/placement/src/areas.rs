@@ -68,7 +68,7 @@ impl Clone for FoundAreas {
 }
 
 impl FoundAreas {
-    /// The areas that an object states, or else those of its mesh.
+    /// The areas that an object states, or else the areas of its mesh.
     pub fn of(&self, object: &Object) -> Vec<SupportArea> {
         if !object.support_areas.is_empty() {
             return object.support_areas.clone();

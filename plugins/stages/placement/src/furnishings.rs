@@ -24,12 +24,12 @@ const YAW_DEG: [f64; 2] = [-180.0, 180.0];
 
 /// Places furniture and fittings along the walls of a room: static bodies that are visible and cast shadows, but have no masks.
 ///
-/// The back of a piece, +y of its asset, is to a wall that is drawn by length, at a uniform position along it. With `height_m`, it
-/// hangs. A piece overlaps no other body and stays in the room; one for which no place is found is left out. For pieces that stand
+/// The back of a piece, +y of its asset, is to a wall that is drawn by length, at a uniform position along it, on the
+/// floor or at a height. A piece overlaps no other body and stays in the room; one for which no place is found is left out. For pieces that stand
 /// free on the floor, use `distractors`.
 ///
-/// With a `name`, level areas of the pieces become supports, as those of the kind `support` do: `arrange` with `annotated = false`
-/// puts things on them. The areas of the embedded furniture are known, and those of meshes are found. A name under which no piece
+/// With a `name`, level areas of the pieces become supports, as with the kind `support`: `arrange` with `annotated = false` puts
+/// objects on them. The areas of the embedded furniture are known, and the areas of meshes are found. A name under which no piece
 /// carries anything is no error for steps that place distractors.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -44,7 +44,7 @@ pub struct Furnishings {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1))]
     name: Option<String>,
-    /// Height of a piece's lowest point above the floor, meters, 0 to 100. Above 0, it hangs on its wall.
+    /// Height of a piece's lowest point above the floor, meters, 0 to 100.
     #[serde(default = "zero")]
     #[schemars(extend("minimum" = DISTANCE_M[0], "maximum" = DISTANCE_M[1]))]
     height_m: Dist,

@@ -109,7 +109,7 @@ impl MaterialCanvas {
         self.cover(bounds, f, true);
     }
 
-    /// As [`blend`](Self::blend), under the finish that is there: light and shadow of the print.
+    /// As [`blend`](Self::blend), and the finish stays: light and shadow of the print.
     pub fn tint(&mut self, bounds: [f32; 4], f: impl Fn(f32, f32) -> (SrgbColor, f32)) {
         self.cover(bounds, f, false);
     }

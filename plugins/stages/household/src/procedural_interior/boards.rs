@@ -78,7 +78,7 @@ pub fn whiteboard(piece: &mut Piece) {
     let (a, b) = (0.5 * piece.uniform(0.6, 1.8), 0.5 * piece.uniform(0.45, 1.1));
     let texture = scribbles(&mut piece.paint, a / b);
     let face = piece.image(texture, 0.12);
-    let frame = piece.plain("aluminium", hsv(0.6, 0.02, 0.72), 0.35);
+    let frame = piece.plain("aluminum", hsv(0.6, 0.02, 0.72), 0.35);
     piece.panel([face, frame], [-a, -0.004, -b], [a, 0.011, b]);
     let wide = piece.uniform(0.01, 0.024);
     rim(piece, frame, [a, b], wide);

@@ -75,7 +75,7 @@ fn glass(piece: &mut Piece, aspect: f64) -> u16 {
     } else {
         Color::constant([0.0; 3])
     };
-    piece.glowing([0.018, 0.018, 0.02], gloss, light)
+    piece.emissive([0.018, 0.018, 0.02], gloss, light)
 }
 
 /// A keyboard.
@@ -150,7 +150,7 @@ fn key(slot: u16, [x, y]: [f64; 2], [wide, deep]: [f64; 2], z: f64, tall: f64) -
 pub fn laptop(piece: &mut Piece) {
     let case = match piece.paint.below(3) {
         0 => piece.surface(&[MaterialFamily::BrushedMetal]),
-        1 => piece.plain("aluminium", hsv(0.6, 0.02, 0.7), 0.35),
+        1 => piece.plain("aluminum", hsv(0.6, 0.02, 0.7), 0.35),
         _ => piece.plain("case", hsv(0.6, 0.05, 0.06), 0.45),
     };
     let keys = piece.plain("keys", [0.03; 3], 0.5);

@@ -37,11 +37,11 @@ impl Shade {
         let nits = if is_lit { 500.0 * libm::pow(12.0, piece.paint.unit()) } else { 0.0 };
         let tint = crate::material::linear(color);
         let light = tones::lamplight(&mut piece.paint, nits);
-        let glow: [f32; 3] = std::array::from_fn(|k| light[k] * (0.25 + 0.75 * tint[k]));
+        let emission: [f32; 3] = std::array::from_fn(|k| light[k] * (0.25 + 0.75 * tint[k]));
         let cloth = piece.cloth_of(color, &[MaterialFamily::Fabric]);
-        let cloth = if is_lit { piece.lit(cloth, Color::constant(glow)) } else { cloth };
+        let cloth = if is_lit { piece.lit(cloth, Color::constant(emission)) } else { cloth };
         let bulb = light.map(|x| (1.6 * x).min(8000.0));
-        let bulb = piece.glowing([0.9; 3], 0.3, Color::constant(bulb));
+        let bulb = piece.emissive([0.9; 3], 0.3, Color::constant(bulb));
         let metal = piece.metal();
         Self { cloth, bulb, metal }
     }

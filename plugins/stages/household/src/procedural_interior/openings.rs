@@ -28,7 +28,7 @@ pub fn door(piece: &mut Piece) {
     match piece.form.below(4) {
         0 => piece.board(leaf, [x0, face, z0], [x1, 0.022, z1]),
         1 => glazed(piece, leaf, [x0, z0, x1, z1]),
-        _ => panelled(piece, leaf, [x0, z0, x1, z1]),
+        _ => paneled(piece, leaf, [x0, z0, x1, z1]),
     }
     let side = if piece.form.chance(0.5) { 1.0 } else { -1.0 };
     let (x, z) = (side * (a - 0.07), 1.02);
@@ -69,7 +69,7 @@ fn lever(piece: &mut Piece, metal: u16, [x, face, z]: [f64; 3], turn: f64) {
 }
 
 /// A leaf of a frame around recessed panels.
-fn panelled(piece: &mut Piece, leaf: u16, [x0, z0, x1, z1]: [f64; 4]) {
+fn paneled(piece: &mut Piece, leaf: u16, [x0, z0, x1, z1]: [f64; 4]) {
     let stile = piece.uniform(0.09, 0.13);
     let columns = piece.form.integer(1, 2) as usize;
     let rows: &[f64] = match piece.form.below(4) {
@@ -143,7 +143,7 @@ pub fn casements(piece: &mut Piece, [width, height]: [f64; 2], y: f64) {
     let nits = if piece.paint.chance(0.6) { 100.0 * libm::pow(12.0, piece.paint.unit()) } else { 0.0 };
     let light = Color { factor: [nits as f32; 3], ..Color::texture(view) };
     let light = if nits > 0.0 { light } else { Color::constant([0.0; 3]) };
-    let pane = piece.glowing([0.02, 0.025, 0.035], 0.03, light);
+    let pane = piece.emissive([0.02, 0.025, 0.035], 0.03, light);
     let (a, b, back) = (0.5 * width, 0.5 * height, y + 0.05);
     let edge = piece.uniform(0.045, 0.07);
     piece.panel([pane, frame], [-a + 0.01, y + 0.032, -b + 0.01], [a - 0.01, back, b - 0.01]);

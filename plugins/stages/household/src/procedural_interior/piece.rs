@@ -130,7 +130,7 @@ impl<'a> Piece<'a> {
     }
 
     /// Adds a surface that emits light: a color or a texture, and its radiance in nits at white.
-    pub fn glowing(&mut self, base: SrgbColor, roughness: f64, light: Color) -> u16 {
+    pub fn emissive(&mut self, base: SrgbColor, roughness: f64, light: Color) -> u16 {
         let mut material = SurfaceFinish::plain(base, roughness, 0.0).named("light");
         material.emission = light;
         self.add(material.with_digest())

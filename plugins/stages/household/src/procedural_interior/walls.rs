@@ -48,7 +48,7 @@ pub fn wall_art(piece: &mut Piece) {
     }
 }
 
-/// Four mitred bars around a mat and a print; some behind glass.
+/// Four mitered bars around a mat and a print; some behind glass.
 fn framed(
     piece: &mut Piece,
     [frame, mat]: [u16; 2],

@@ -24,7 +24,7 @@ const MAX_TRIES: u64 = 50;
 
 /// Replaces some recorded objects by others, which stand upright at the same places.
 ///
-/// An object takes the place of the recorded one if it is at most 1 cm wider, longer and higher, and at least 0.6 times as wide, long and
+/// An object replaces the recorded one if it is at most 1 cm wider, longer and higher, and at least 0.6 times as wide, long and
 /// high. If another object rests on the recorded one, it is at most 1 cm lower. If none of 50 drawn objects fits, the recorded object
 /// stays.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]

@@ -65,7 +65,7 @@ fn pieces_hang_turn_and_carry() {
         let nearest = [2.0 - bounds.max.x, 2.0 + bounds.min.x, 2.5 - bounds.max.y, 2.5 + bounds.min.y];
         assert!((nearest.into_iter().fold(f64::INFINITY, f64::min) - 0.02).abs() < 1e-6, "{bounds:?}");
     }
-    // Boards are supports, on which things are put down.
+    // Boards are supports.
     let (scene, pieces) = furnished("from = \"boards\"\ncount = 2\nname = \"shelf\"", 3);
     let names: Vec<&str> = scene.supports.iter().skip(1).map(|support| &*support.name).collect();
     assert_eq!(names, ["shelf/1/1", "shelf/1/2", "shelf/1/3", "shelf/2/1", "shelf/2/2", "shelf/2/3"]);

@@ -65,7 +65,7 @@ pub struct WindowLight {
     /// Number of windows in a wall, sampled per wall, from 1 to 100.
     #[schemars(extend("minimum" = COUNT[0], "maximum" = COUNT[1]))]
     count: IntDist,
-    /// Pools of bodies that hang on walls, such as blinds and curtains: a window is behind each of them, and nowhere else. `walls`,
+    /// Pools of bodies in front of walls, such as blinds and curtains: a window is behind each of them, and nowhere else. `walls`,
     /// `count`, sizes and places are then not used.
     #[serde(skip_serializing_if = "Option::is_none")]
     behind: Option<ObjectPools>,
@@ -351,7 +351,7 @@ fn fittings(scene: &Scene) -> Vec<(String, Aabb)> {
     still.map(|body| (body.asset.pool.clone(), body.world_bounds())).collect()
 }
 
-/// The window behind a body that hangs on the nearest of some walls; none if a body is smaller than the edges of a window.
+/// The window behind a body, in the nearest of some walls; none if a body is smaller than the edges of a window.
 fn window_behind(bounds: &Aabb, walls: &[Wall]) -> Option<RectLight> {
     let depth = |wall: &Wall| (bounds.center() - wall.foot).dot(&wall.inwards).abs();
     let wall = walls.iter().min_by(|a, b| depth(a).total_cmp(&depth(b)))?;
@@ -436,7 +436,7 @@ impl Wall {
         walls
     }
 
-    /// The row of windows of which bodies in front hide the smallest area, of some rows at random places.
+    /// The row of windows with the smallest hidden area, out of some rows at random places. Bodies in front hide windows.
     fn free_windows(
         &self,
         (count, size, sill, spacing): (usize, [f64; 2], f64, f64),
