@@ -120,8 +120,9 @@ fn swapped_objects_stand_where_the_recorded_ones_were() {
     let lowest = |boxes: &[[[f64; 2]; 3]]| boxes.iter().map(|it| it[2][0]).fold(f64::INFINITY, f64::min);
     let (floor, other_floor) = (lowest(&own), lowest(&other));
     for ((a, b), (before, after)) in names.iter().zip(&others).zip(own.iter().zip(&other)) {
+        // Boxes of objects that lean are larger than the objects.
         let height = |[low, high]: [f64; 2]| high - low;
-        assert!(height(after[2]) <= height(before[2]) + 0.011, "{a} {b}: {before:?} {after:?}");
+        assert!(height(after[2]) <= height(before[2]) + 0.03, "{a} {b}: {before:?} {after:?}");
         let raised = (after[2][0] - other_floor) - (before[2][0] - floor);
         assert!((-0.02..0.05).contains(&raised), "{a} {b}: {raised}");
     }

@@ -65,7 +65,7 @@ fn numbers_match_the_annotation_file() {
     names.dedup();
     assert_eq!(totals["objects"], json!(names.len()));
     // A dataset of a run has all quantities, and no duplicate views.
-    assert_eq!(of["distributions"].as_array().expect("a list").len(), 10);
+    assert_eq!(of["distributions"].as_array().expect("a list").len(), 15);
     assert_eq!((of["unknown"].clone(), of["near_duplicates"]["views"].clone()), (json!([]), json!(0)));
     let images = file["images"].as_array().expect("a list").len() as u64;
     assert_eq!(number(distribution(of, "depth"), "n"), images * 160 * 120);

@@ -1,6 +1,5 @@
 //! Closed cabinets: sideboards, dressers, wardrobes, kitchen units and refrigerators.
 
-use super::kitchens::{kitchen, refrigerator};
 use super::piece::Piece;
 use super::solids::{arc, tube};
 use crate::material::hsv;
@@ -121,17 +120,6 @@ fn handle(
     }
 }
 
-/// A sideboard, dresser, wardrobe, kitchen unit or refrigerator.
-pub fn cupboard(piece: &mut Piece) {
-    match piece.form.below(8) {
-        0 | 1 => sideboard(piece),
-        2 | 3 => dresser(piece),
-        4 => wardrobe(piece),
-        5 | 6 => kitchen(piece),
-        _ => refrigerator(piece),
-    }
-}
-
 /// Materials and style of a random cabinet.
 pub fn finishes(piece: &mut Piece) -> (Finishes, Style) {
     let carcass = piece.wood(0.5);
@@ -185,7 +173,7 @@ fn base(piece: &mut Piece, slots: &Finishes, [a, b]: [f64; 2]) -> f64 {
     }
 }
 
-fn sideboard(piece: &mut Piece) {
+pub fn sideboard(piece: &mut Piece) {
     let (slots, style) = finishes(piece);
     let (a, b) = (0.5 * piece.uniform(0.9, 1.9), 0.5 * piece.uniform(0.36, 0.48));
     let height = piece.uniform(0.6, 0.95);
@@ -208,7 +196,7 @@ fn sideboard(piece: &mut Piece) {
     }
 }
 
-fn dresser(piece: &mut Piece) {
+pub fn dresser(piece: &mut Piece) {
     let (slots, style) = finishes(piece);
     let columns = piece.form.integer(1, 2) as usize;
     let (a, b) = (0.5 * piece.uniform(0.5, 0.85) * columns as f64, 0.5 * piece.uniform(0.4, 0.5));
@@ -229,7 +217,7 @@ fn dresser(piece: &mut Piece) {
     }
 }
 
-fn wardrobe(piece: &mut Piece) {
+pub fn wardrobe(piece: &mut Piece) {
     let (slots, style) = finishes(piece);
     let doors = piece.form.integer(2, 4) as usize;
     let (wide, b) = (piece.uniform(0.4, 0.52), 0.5 * piece.uniform(0.45, 0.62));

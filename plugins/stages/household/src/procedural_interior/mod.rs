@@ -6,6 +6,7 @@
 mod boards;
 mod cabinets;
 mod couches;
+mod cupboards;
 mod drapery;
 mod electronics;
 mod kitchens;
@@ -141,7 +142,7 @@ impl InteriorFamily {
             Self::Chair => ("chair", seats::chair),
             Self::Clock => ("clock", walls::clock),
             Self::CoatRack => ("coat_rack", luggage::coat_rack),
-            Self::Cupboard => ("cupboard", cabinets::cupboard),
+            Self::Cupboard => ("cupboard", cupboards::cupboard),
             Self::Curtain => ("curtain", drapery::curtain),
             Self::Cushion => ("cushion", couches::cushion),
             Self::Desk => ("desk", electronics::desk),
