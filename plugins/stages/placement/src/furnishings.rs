@@ -194,8 +194,12 @@ impl Furnishings {
             if free < 0.0 {
                 return None;
             }
-            let center = wall.middle + wall.along * (places.uniform(-0.5, 0.5) * free)
-                - wall.outwards * (self.wall_gap_m.draw(&mut gaps) + behind / 2.0);
+            let along = places.uniform(-0.5, 0.5) * free;
+            let gap = self.wall_gap_m.draw(&mut gaps);
+            if gap + behind + GAP_M > wall.depth {
+                return None;
+            }
+            let center = wall.middle + wall.along * along - wall.outwards * (gap + behind / 2.0);
             let bottom = wall.floor + self.height_m.draw(&mut heights);
             let from = turned.center();
             let shift = Vector3::new(center.x - from.x, center.y - from.y, bottom - turned.min.z);
@@ -230,6 +234,8 @@ struct Wall {
     /// Turn of a piece whose back, +y, is to it, radians.
     yaw: f64,
     length: f64,
+    /// Distance of the opposite wall, meters; infinite without one.
+    depth: f64,
     /// Heights of floor and ceiling, meters.
     floor: f64,
     ceiling: f64,
@@ -250,7 +256,8 @@ impl Wall {
                     [Point3::new(0.0, 0.0, floor).coords, Vector3::zeros(), Vector3::zeros()];
                 (middle[axis], middle[1 - axis]) = (at, (room.min[1 - axis] + room.max[1 - axis]) / 2.0);
                 (along[1 - axis], outwards[axis]) = (1.0, sign);
-                Self { middle: middle.into(), along, outwards, yaw, length, floor, ceiling: room.max.z }
+                let depth = room.max[axis] - room.min[axis];
+                Self { middle: middle.into(), along, outwards, yaw, length, depth, floor, ceiling: room.max.z }
             })
         };
         sides.into_iter().filter_map(wall).collect()

@@ -171,7 +171,7 @@ impl Placer for ListedPlacer {
         for (number, pose) in poses.iter().enumerate() {
             let stream = context.stream.child("object").at(number as u64);
             let (asset, object) = match &pose.asset {
-                Some(name) => named(name, from, context)?,
+                Some(name) => named(name, from, context).map_err(|error| error.context(format!("pose {number}")))?,
                 None => context.assets.draw_object(from, &mut stream.child("asset"))?,
             };
             let factor = self.options.variation().factor(&stream);
@@ -212,7 +212,9 @@ impl ListedPlacer {
 /// The poses of a JSON file.
 fn of_file(file: &AssetPath) -> Result<Vec<ListedPose>> {
     let bytes = read_file(file.path())?;
-    let poses: Vec<ListedPose> = serde_json::from_slice(&bytes).map_err(|error| {
+    // Some editors begin text files with a byte order mark.
+    let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes);
+    let poses: Vec<ListedPose> = serde_json::from_slice(text).map_err(|error| {
         let help = "write a list of poses: [{ \"asset\": \"mug_0003\", \"position_m\": [0, 0, 0.1] }]";
         Error::new(format!("not a list of poses: {error}")).at_line(error.line()).help(help)
     })?;
@@ -220,7 +222,10 @@ fn of_file(file: &AssetPath) -> Result<Vec<ListedPose>> {
         return Err(Error::new(format!("{} poses, and a scene has 1 to {}", poses.len(), COUNT[1])));
     }
     for (number, pose) in poses.iter().enumerate() {
-        pose.check(&format!("[{number}]")).map_err(|error| Error::new(format!("{}: {}", error.key, error.message)))?;
+        pose.check(&format!("[{number}]")).map_err(|error| {
+            let refusal = Error::new(format!("{}: {}", error.key, error.message));
+            error.help.into_iter().fold(refusal, |refusal, help| refusal.help(help))
+        })?;
     }
     Ok(poses)
 }
@@ -235,7 +240,7 @@ fn named(text: &str, pools: &ObjectPools, context: &Context) -> Result<(AssetRef
     for pool in pools.names() {
         let in_pool = text.strip_prefix(pool).and_then(|rest| rest.strip_prefix('/'));
         for name in [Some(text), in_pool].into_iter().flatten() {
-            found.extend(find(pool, name)?);
+            found.extend(find(pool, name)?.filter(|asset| !found.contains(asset)));
         }
     }
     match found.as_slice() {

@@ -47,7 +47,8 @@ impl Placer for Arrange {
         let mut sites = Sites::new(self, scene, context)?;
         let mut items = Items::new(self, context)?;
         fill::fill(self, &mut sites, &mut items, &context.stream)?;
-        if sites.placed.is_empty() && items.mark() > 0 {
+        // A scene needs its objects, and not its distractors.
+        if self.annotated && sites.placed.is_empty() && items.mark() > 0 {
             let name = self.support.as_ref().map_or("the support".to_owned(), |name| format!("`{}`", name.as_str()));
             return Err(Error::unlucky(format!("none of {} objects finds a place on {name}", items.mark())).help(
                 "take smaller objects or a larger support, raise `area_factor` or `max_tries`, or lower `gap_m`",

@@ -233,8 +233,10 @@ impl RecordedPlacer {
         let selection = Selection { per: *per, every: *every, scenes: scenes.as_deref() };
         let scenes = Arc::new(RecordedScenes::open(dataset.path(), format.as_deref(), &selection)?);
         if let Some((count, why)) = scenes.lost() {
-            let what = "files or records of the dataset cannot be read, and the images with them are not rebuilt";
-            context.log.left_out(&LeftOut::new(count, count, what).help(format!("the first one: {why}")));
+            let what = "images and damaged records of the recorded dataset are not rebuilt: they cannot be read";
+            context
+                .log
+                .left_out(&LeftOut::new(count, count + scenes.images(), what).help(format!("the first one: {why}")));
         }
         *opened = Some(Arc::clone(&scenes));
         Ok(scenes)

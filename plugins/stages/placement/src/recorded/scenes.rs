@@ -83,6 +83,11 @@ impl RecordedScenes {
         }
     }
 
+    /// Number of images that can be read.
+    pub fn images(&self) -> usize {
+        self.dataset.images.len()
+    }
+
     /// Number of files and records that hide images from the list of the dataset, and the first reason.
     pub fn lost(&self) -> Option<(usize, String)> {
         let mut lost = self.dataset.faults.iter().filter(|fault| fault.is_lost);

@@ -82,6 +82,9 @@ fn things_on_furniture_that_carries_nothing_are_left_out() {
     assert!(scene.bodies().all(|(_, body)| body.asset.pool != "slim"));
     let error = place(&[&*room, &*table(), &*none, &*things("")], 1).expect_err("labeled").to_string();
     assert!(error.contains("no support `shelf`"), "{error}");
+    let far = placer("furnishings", "from = \"big\"\ncount = 9\nwall_gap_m = 3.9");
+    let (scene, _) = place(&[&*room, &*table(), &*far], 1).expect("placed");
+    assert!(scene.bodies().all(|(_, body)| body.asset.pool != "big"), "no piece fits into the room");
     let outside = placer("ground", "");
     let pieces = placer("furnishings", "from = \"big\"\ncount = 2");
     let error = place(&[&*outside, &*table(), &*pieces], 1).expect_err("no wall").to_string();

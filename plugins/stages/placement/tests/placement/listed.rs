@@ -76,6 +76,10 @@ fn lists_with_mistakes_are_refused() {
         let error = refused("listed", options);
         assert!(error.contains(want), "{options}: {error}");
     }
+    let file = folder.path().join("marked.json");
+    std::fs::write(&file, "\u{feff}[{ \"asset\": \"slim/60x20x90\", \"position_m\": [0, 0, 1] }]").expect("written");
+    let marked = placer("listed", &format!("from = [\"slim\", \"slim\"]\nfile = {file:?}"));
+    place(&[&*marked], 1).expect("one pool, and a file with a byte order mark");
     let twice =
         placer("listed", "from = [\"small\", \"slim\"]\nposes = [{ asset = \"60x20x90\", position_m = [0, 0, 1] }]");
     let error = place(&[&*twice], 1).expect_err("ambiguous").to_string();
