@@ -1,6 +1,6 @@
 //! `procedural_interior`: the furnishings of a lived-in room, for the background of a photograph.
 //!
-//! A [`Piece`](piece::Piece) is a furnishing under construction; each file models the families of one group. Standing
+//! A [`Piece`] is a furnishing under construction; each file models the families of one group. Standing
 //! families have their back at +y and their lowest point on the floor; hanging ones are flat, with their back at +y.
 
 mod boards;
