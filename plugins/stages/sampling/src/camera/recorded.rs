@@ -5,7 +5,7 @@ use syntable_model::geometry::Pose;
 use syntable_model::prelude::*;
 use syntable_model::scene::Optics;
 
-/// Image size, intrinsics and lens distortion of the recorded scene that a step of the kind `recorded` of [[place]] rebuilds.
+/// Image size, intrinsics and lens distortion of the recorded scene that a step of the kind `recorded` of `[[place]]` rebuilds.
 ///
 /// A view gets the lens of the recorded camera that is nearest to its own camera. With the kind `recorded` of `[views]`, that is the
 /// camera of its image.

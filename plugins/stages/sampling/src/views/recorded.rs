@@ -5,7 +5,7 @@ use syntable_model::geometry::Pose;
 use syntable_model::prelude::*;
 use syntable_model::scene::ViewId;
 
-/// The camera poses of the recorded scene that a step of the kind `recorded` of [[place]] rebuilds.
+/// The camera poses of the recorded scene that a step of the kind `recorded` of `[[place]]` rebuilds.
 ///
 /// View `i` is taken from the camera of image `i` of the recorded scene. A scene can have fewer views than the recorded
 /// scene has images. The kind `recorded` of `[camera]` gives the views their lenses and sizes, too.
