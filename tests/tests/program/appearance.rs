@@ -44,6 +44,7 @@ fn objects_look_as_in_the_image_and_are_whole() {
     };
     let camera = ["sensor.rgb_camera.white_balance=\"auto\"", "sensor.rgb_camera.tone=\"agx\""];
     check("exact", &["denoise={ kind = \"none\" }", camera[0], camera[1]]);
-    check("denoised", &["denoise={ kind = \"guided\" }"]);
+    // No denoiser knows what a drinking glass shows: it takes samples.
+    check("denoised", &["denoise={ kind = \"guided\" }", "render.samples_per_pixel=64"]);
     check("alone", &["denoise={ kind = \"guided\" }", "annotate.appearance={ lighting = \"alone\" }"]);
 }

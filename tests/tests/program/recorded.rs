@@ -113,9 +113,8 @@ fn swapped_objects_stand_where_the_recorded_ones_were() {
     let changed = names.iter().zip(&others).filter(|(a, b)| a != b).count();
     assert!((1..names.len()).contains(&changed), "{changed} of {}", names.len());
     // The recorded tables have other heights: heights count from the lowest object.
-    let boxes = |of: &Value| -> Vec<[[f64; 2]; 3]> {
-        of.as_object().expect("objects").values().map(world_box).collect()
-    };
+    let boxes =
+        |of: &Value| -> Vec<[[f64; 2]; 3]> { of.as_object().expect("objects").values().map(world_box).collect() };
     let (own, other) = (boxes(&own), boxes(&other));
     let lowest = |boxes: &[[[f64; 2]; 3]]| boxes.iter().map(|it| it[2][0]).fold(f64::INFINITY, f64::min);
     let (floor, other_floor) = (lowest(&own), lowest(&other));
