@@ -105,26 +105,23 @@ impl RecordedObject {
 /// # Errors
 /// If several assets have the name or the number.
 pub fn asset_of(object: &RecordedObject, pools: &ObjectPools, context: &Context) -> Result<Option<AssetRef>> {
-    let entries = |pool: &str| -> Result<Vec<(AssetRef, Option<u32>)>> {
-        let in_labels = context.assets.pool_name(pool).to_owned();
-        let entry = |it: &CatalogEntry| (AssetRef { pool: in_labels.clone(), name: it.name.clone() }, it.obj_id);
-        Ok(context.assets.entries(pool)?.iter().map(entry).collect())
-    };
+    let named =
+        |pool: &str, name: &str| AssetRef { pool: context.assets.pool_name(pool).to_owned(), name: name.to_owned() };
     for pool in pools.names() {
         let Some(name) = object.asset.strip_prefix(pool).and_then(|rest| rest.strip_prefix('/')) else { continue };
-        if let Ok(place) = context.assets.entries(pool)?.binary_search_by(|it| it.name.as_str().cmp(name)) {
-            return Ok(Some(entries(pool)?.swap_remove(place).0));
+        if context.assets.entries(pool)?.binary_search_by(|it| it.name.as_str().cmp(name)).is_ok() {
+            return Ok(Some(named(pool, name)));
         }
     }
-    let last = |name: &str| name.rsplit('/').next().unwrap_or(name).to_owned();
-    let is_numbered = object.obj_id.is_some_and(|number| is_unnamed(number.into(), &last(&object.asset)));
+    let own = last_part(&object.asset);
+    let is_numbered = object.obj_id.is_some_and(|number| is_unnamed(number.into(), own));
     let mut found: Vec<AssetRef> = Vec::new();
     for pool in pools.names() {
-        let fits = |(asset, number): &(AssetRef, Option<u32>)| match is_numbered {
-            true => *number == object.obj_id,
-            false => last(&asset.name) == last(&object.asset),
+        let fits = |entry: &&CatalogEntry| match is_numbered {
+            true => entry.obj_id == object.obj_id,
+            false => last_part(&entry.name) == own,
         };
-        found.extend(entries(pool)?.into_iter().filter(fits).map(|(asset, _)| asset));
+        found.extend(context.assets.entries(pool)?.iter().filter(fits).map(|entry| named(pool, &entry.name)));
     }
     match found.as_slice() {
         [first, second, ..] => {
@@ -134,4 +131,9 @@ pub fn asset_of(object: &RecordedObject, pools: &ObjectPools, context: &Context)
         }
         _ => Ok(found.pop()),
     }
+}
+
+/// The last part of a name with slashes.
+fn last_part(name: &str) -> &str {
+    name.rsplit('/').next().unwrap_or(name)
 }
