@@ -47,6 +47,10 @@ pub trait DatasetFormat: Send + Sync {
     fn takes_image_folder(&self) -> bool {
         false
     }
+    /// Whether it is recognized only in the folder that the user names, and only if that is no known dataset.
+    fn is_fallback(&self) -> bool {
+        false
+    }
     /// The crate or program that registers it, for messages.
     fn owner(&self) -> &str;
 }
@@ -89,6 +93,8 @@ pub struct Format {
     pub is_generic: bool,
     /// Whether its images may be elsewhere; see [`DatasetFormat::takes_image_folder`].
     pub takes_image_folder: bool,
+    /// Whether it is recognized last; see [`DatasetFormat::is_fallback`].
+    pub is_fallback: bool,
     /// Crate that registers it.
     pub crate_name: &'static str,
 }
@@ -103,7 +109,8 @@ impl Format {
         detect: fn(&Path) -> bool,
         open: fn(&Source) -> Result<Opened>,
     ) -> Self {
-        Self { name, doc, detect, open, is_generic: false, takes_image_folder: false, crate_name: "" }
+        let (is_generic, takes_image_folder, is_fallback) = (false, false, false);
+        Self { name, doc, detect, open, is_generic, takes_image_folder, is_fallback, crate_name: "" }
     }
 
     /// The same format if its datasets hold products under their names; see [`DatasetFormat::is_generic`].
@@ -114,6 +121,11 @@ impl Format {
     /// The same format if its images may be elsewhere; see [`DatasetFormat::takes_image_folder`].
     pub const fn with_image_folder(self) -> Self {
         Self { takes_image_folder: true, ..self }
+    }
+
+    /// The same format if it is recognized last; see [`DatasetFormat::is_fallback`].
+    pub const fn as_fallback(self) -> Self {
+        Self { is_fallback: true, ..self }
     }
 }
 
@@ -140,6 +152,10 @@ impl DatasetFormat for Format {
 
     fn takes_image_folder(&self) -> bool {
         self.takes_image_folder
+    }
+
+    fn is_fallback(&self) -> bool {
+        self.is_fallback
     }
 
     fn owner(&self) -> &str {

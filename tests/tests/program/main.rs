@@ -26,6 +26,7 @@ mod memory;
 mod mixture;
 mod mutations;
 mod object_stores;
+mod plates;
 mod preview;
 mod programs;
 mod recipes;

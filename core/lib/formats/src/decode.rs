@@ -4,6 +4,7 @@ use crate::encode::npy;
 use crate::encode::rgb::RgbFormat;
 use crate::image_file;
 use crate::json;
+use crate::photographs::turned;
 use png::{BitDepth, ColorType, Decoder, Transformations};
 use std::fs;
 use std::io::{Cursor, Read};
@@ -194,7 +195,17 @@ impl FileContent {
         Ok(size)
     }
 
-    /// An 8-bit RGB image from a PNG or JPEG file; gray becomes RGB, transparency is dropped.
+    /// A photograph from a PNG or JPEG file, turned upright by its EXIF orientation; otherwise as [`rgb`](Self::rgb).
+    pub fn upright(&self) -> Result<Plane<[u8; 3]>> {
+        if self.bytes.starts_with(&JPEG) {
+            let (image, orientation) = guarded(JPEG_LIBRARY, &self.path, || self.decode_jpeg())?;
+            return Ok(turned(image, orientation));
+        }
+        self.rgb()
+    }
+
+    /// An 8-bit RGB image from a PNG or JPEG file; gray becomes RGB, transparency is dropped. Refuses an EXIF orientation, because
+    /// the labels of the image may or may not be turned with it.
     pub fn rgb(&self) -> Result<Plane<[u8; 3]>> {
         if self.bytes.starts_with(&JPEG) {
             return self.jpeg();
@@ -280,22 +291,23 @@ impl FileContent {
     }
 
     fn jpeg(&self) -> Result<Plane<[u8; 3]>> {
-        guarded(JPEG_LIBRARY, &self.path, || self.decode_jpeg())
+        let (image, orientation) = guarded(JPEG_LIBRARY, &self.path, || self.decode_jpeg())?;
+        if orientation == 1 {
+            return Ok(image);
+        }
+        let message =
+            format!("its EXIF orientation is {orientation}: viewers turn the image, its labels may or may not be");
+        Err(self.refuse(message).help("turn the pixels and the labels alike, and set the orientation to 1"))
     }
 
-    fn decode_jpeg(&self) -> Result<Plane<[u8; 3]>> {
+    /// The image as it is in the file, and its EXIF orientation, 1 by default.
+    fn decode_jpeg(&self) -> Result<(Plane<[u8; 3]>, u16)> {
         // The same pixels on every processor.
         let options = DecoderOptions::new_safe().set_strict_mode(true).jpeg_set_out_colorspace(ColorSpace::RGB);
         let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&self.bytes), options);
         let fail = |error| self.refuse(format!("not a readable JPEG file: {error}"));
         decoder.decode_headers().map_err(fail)?;
-        if let Some(turned) = decoder.exif().and_then(|exif| orientation(exif)).filter(|it| *it != 1) {
-            return Err(self
-                .refuse(format!(
-                    "its EXIF orientation is {turned}: viewers turn the image, its labels may or may not be"
-                ))
-                .help("turn the pixels and the labels alike, and set the orientation to 1"));
-        }
+        let orientation = decoder.exif().and_then(|exif| orientation(exif)).unwrap_or(1);
         let [width, height] = decoder.dimensions().map_or([0; 2], |(width, height)| [width as u32, height as u32]);
         self.check_header([width, height], Some(3 * u64::from(width) * u64::from(height)))?;
         let samples = decoder.decode().map_err(fail)?;
@@ -304,7 +316,7 @@ impl FileContent {
         if pixels.len() as u64 != u64::from(width) * u64::from(height) {
             return Err(self.refuse(format!("not a color image of {width} × {height} pixels")));
         }
-        Ok(Plane::from_vec(width, height, pixels))
+        Ok((Plane::from_vec(width, height, pixels), orientation))
     }
 
     fn png(&self) -> Result<([u32; 2], DecodedSamples)> {

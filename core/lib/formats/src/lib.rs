@@ -17,6 +17,7 @@
 //! | [`image_file`] | files of color images, which conversions copy |
 //! | [`members`] | members of tar files, read in any order |
 //! | [`npz_archive`] | NumPy archives, read array by array |
+//! | [`photographs`] | photographs of a folder, upright |
 //! | [`draw`] | images for people: masks and outlines over images, panels side by side |
 //! | [`read`] | shared code of all readers |
 //! | [`record_arrays`] | products of any form as named arrays, and back |
@@ -50,6 +51,7 @@ pub mod known;
 pub mod listing;
 pub mod members;
 pub mod npz_archive;
+pub mod photographs;
 mod polygon;
 pub mod read;
 pub mod record_arrays;

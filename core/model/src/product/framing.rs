@@ -15,7 +15,7 @@ pub struct Framing {
     canvas: u32,
     subpixels: u32,
     moment: ViewMoment,
-    objects: Option<Lighting>,
+    part: Option<ScenePart>,
 }
 
 /// A moment relative to a view: the camera and the [moment](crate::scene::View::moment) of one of the views of its scene.
@@ -29,7 +29,44 @@ pub enum ViewMoment {
     Next,
 }
 
-/// Light on an object that is rendered without the bodies in front of it.
+/// A part of a scene that is rendered without the bodies in front of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum ScenePart {
+    /// Each object in a window of its own, without background: an [`Atlas`](crate::stage::Atlas).
+    Objects(Lighting),
+    /// The image without objects and distractors: supports, room, fixtures and background. `InScene` keeps their shadows.
+    Furniture(Lighting),
+    /// Objects and distractors where nothing hides them, without background: camera rays end without light at all other bodies.
+    /// The radiance is premultiplied by [`OPACITY`](crate::product::standard::OPACITY).
+    Foreground,
+    /// The image without any body: lights and sky.
+    Background,
+}
+
+impl ScenePart {
+    /// All of them.
+    pub const ALL: [Self; 6] = [
+        Self::Objects(Lighting::Alone),
+        Self::Objects(Lighting::InScene),
+        Self::Furniture(Lighting::Alone),
+        Self::Furniture(Lighting::InScene),
+        Self::Foreground,
+        Self::Background,
+    ];
+
+    const fn words(self) -> &'static str {
+        match self {
+            Self::Objects(Lighting::Alone) => "objects alone",
+            Self::Objects(Lighting::InScene) => "objects in scene",
+            Self::Furniture(Lighting::Alone) => "furniture alone",
+            Self::Furniture(Lighting::InScene) => "furniture in scene",
+            Self::Foreground => "foreground in scene",
+            Self::Background => "background alone",
+        }
+    }
+}
+
+/// Light on a part of a scene that is rendered without the bodies in front of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Lighting {
@@ -42,13 +79,6 @@ pub enum Lighting {
 impl Lighting {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::Alone, Self::InScene];
-
-    const fn words(self) -> &'static str {
-        match self {
-            Self::Alone => "objects alone",
-            Self::InScene => "objects in scene",
-        }
-    }
 }
 
 /// Maximum of [`Framing::canvas`].
@@ -59,40 +89,45 @@ pub const MAX_SUBPIXELS: u32 = 8;
 
 impl Framing {
     /// The framing of the image.
-    pub const IMAGE: Self = Self { canvas: 1, subpixels: 1, moment: ViewMoment::Own, objects: None };
+    pub const IMAGE: Self = Self { canvas: 1, subpixels: 1, moment: ViewMoment::Own, part: None };
 
     /// A canvas around the image.
     ///
     /// # Panics
-    /// At compile time for constants: if the number is even or above [`MAX_CANVAS`], or for [objects](Self::of_objects).
+    /// At compile time for constants: if the number is even or above [`MAX_CANVAS`], or for a [part](Self::of_part).
     pub const fn on_canvas(self, canvas: u32) -> Self {
         assert!(is_canvas(canvas), "a canvas is 1, 3, 5, 7 or 9 times as wide and high as the image");
-        assert!(self.objects.is_none(), "images of single objects have no canvas");
+        assert!(self.part.is_none(), "images of parts of a scene have no canvas");
         Self { canvas, ..self }
     }
 
     /// Several pixels per pixel of the image.
     ///
     /// # Panics
-    /// At compile time for constants: if the number is 0 or above [`MAX_SUBPIXELS`], or for [objects](Self::of_objects).
+    /// At compile time for constants: if the number is 0 or above [`MAX_SUBPIXELS`], or for a [part](Self::of_part).
     pub const fn in_subpixels(self, subpixels: u32) -> Self {
         assert!(is_subpixels(subpixels), "a pixel has 1 to 8 sub-pixels along each edge");
-        assert!(self.objects.is_none(), "images of single objects have no sub-pixels");
+        assert!(self.part.is_none(), "images of parts of a scene have no sub-pixels");
         Self { subpixels, ..self }
     }
 
     /// The camera and the moment of the next view.
     ///
     /// # Panics
-    /// At compile time for constants: for [objects](Self::of_objects).
+    /// At compile time for constants: for a [part](Self::of_part).
     pub const fn of_next_view(self) -> Self {
-        assert!(self.objects.is_none(), "images of single objects are of the view itself");
+        assert!(self.part.is_none(), "images of parts of a scene are of the view itself");
         Self { moment: ViewMoment::Next, ..self }
     }
 
     /// Each object in a window of its own, without the bodies in front of it.
     pub const fn of_objects(lighting: Lighting) -> Self {
-        Self { objects: Some(lighting), ..Self::IMAGE }
+        Self::of_part(ScenePart::Objects(lighting))
+    }
+
+    /// A part of the scene, without the bodies in front of it.
+    pub const fn of_part(part: ScenePart) -> Self {
+        Self { part: Some(part), ..Self::IMAGE }
     }
 
     /// Width and height of the canvas as a multiple of the image's, an odd number up to [`MAX_CANVAS`]. The image is in the
@@ -113,9 +148,17 @@ impl Framing {
     }
 
     /// The light on each object, if the product is an [`Atlas`](crate::stage::Atlas) of windows around single objects.
-    /// Camera rays then hit neither lights nor sky. `None` for the scene as a whole.
+    /// Camera rays then hit neither lights nor sky. `None` for all other framings.
     pub const fn objects(&self) -> Option<Lighting> {
-        self.objects
+        match self.part {
+            Some(ScenePart::Objects(lighting)) => Some(lighting),
+            _ => None,
+        }
+    }
+
+    /// The part of the scene that the product shows; `None` for the scene as a whole.
+    pub const fn part(&self) -> Option<ScenePart> {
+        self.part
     }
 
     /// Pixels along an edge per pixel of the image along the same edge; objects count as one image.
@@ -146,7 +189,7 @@ const fn is_subpixels(subpixels: u32) -> bool {
 /// As `canvas 3, next view`, or `objects alone`. Empty for the image.
 impl fmt::Display for Framing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { canvas, subpixels, moment, objects } = *self;
+        let Self { canvas, subpixels, moment, part } = *self;
         let words = [
             (canvas != 1).then(|| format!("canvas {canvas}")),
             (subpixels != 1).then(|| format!("subpixels {subpixels}")),
@@ -154,7 +197,7 @@ impl fmt::Display for Framing {
                 ViewMoment::Own => None,
                 ViewMoment::Next => Some("next view".to_owned()),
             },
-            objects.map(|lighting| lighting.words().to_owned()),
+            part.map(|part| part.words().to_owned()),
         ];
         f.write_str(&words.into_iter().flatten().collect::<Vec<_>>().join(", "))
     }
@@ -184,8 +227,8 @@ impl fmt::Display for FramingError {
             Self::Words => write!(
                 f,
                 "a rendered product may have `(canvas 3)`, up to {MAX_CANVAS}, `(subpixels 2)`, up to {MAX_SUBPIXELS}, and \
-                 `(next view)`, in this order and joined by commas; a product with one value per pixel may have `(objects \
-                 alone)` or `(objects in scene)` instead"
+                 `(next view)`, in this order and joined by commas; a product with one value per pixel may have one of {} instead",
+                ScenePart::ALL.map(|part| format!("`({})`", part.words())).join(", ")
             ),
         }
     }
@@ -210,12 +253,12 @@ impl FromStr for Framing {
                 },
                 Some(("next", "view")) => framing.moment = ViewMoment::Next,
                 _ => {
-                    let lighting = Lighting::ALL.into_iter().find(|lighting| lighting.words() == word);
-                    framing.objects = Some(lighting.ok_or(FramingError::Words)?);
+                    let part = ScenePart::ALL.into_iter().find(|part| part.words() == word);
+                    framing.part = Some(part.ok_or(FramingError::Words)?);
                 }
             }
         }
-        let goes_together = framing.objects.is_none_or(|lighting| framing == Self::of_objects(lighting));
+        let goes_together = framing.part.is_none_or(|part| framing == Self::of_part(part));
         // Each framing has one spelling, since files are named by it.
         if goes_together && framing.to_string() == text { Ok(framing) } else { Err(FramingError::Words) }
     }
@@ -227,7 +270,7 @@ mod tests {
 
     /// All framings.
     fn all() -> Vec<Framing> {
-        let mut all = Lighting::ALL.map(Framing::of_objects).to_vec();
+        let mut all = ScenePart::ALL.map(Framing::of_part).to_vec();
         for canvas in (1..=MAX_CANVAS).step_by(2) {
             for subpixels in 1..=MAX_SUBPIXELS {
                 let framing = Framing::IMAGE.on_canvas(canvas).in_subpixels(subpixels);
@@ -266,6 +309,8 @@ mod tests {
             "",
             "objects",
             "canvas 3, objects alone",
+            "canvas 3, furniture alone",
+            "background in scene",
             "next view, objects alone",
             "objects alone, objects in scene",
             "next view, subpixels 2",

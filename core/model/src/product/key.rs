@@ -1,7 +1,7 @@
 //! Typed names of products.
 
 use super::product_trait::AnyProduct;
-use super::{Form, Framing, Lighting, Product, ProductId, ProductRef, Stored, Value};
+use super::{Form, Framing, Lighting, Product, ProductId, ProductRef, ScenePart, Stored, Value};
 use crate::intern::intern;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -203,6 +203,11 @@ impl<T: Product> Key<T> {
     pub const fn of_objects(self, lighting: Lighting) -> Self {
         self.framed(Framing::of_objects(lighting))
     }
+
+    /// The rendered product of a part of the scene; see [`Framing::part`].
+    pub const fn of_part(self, part: ScenePart) -> Self {
+        self.framed(Framing::of_part(part))
+    }
 }
 
 impl<T> Clone for Key<T> {
@@ -224,7 +229,7 @@ impl KeyId {
     }
 
     /// The key of this product for an identity. `None` if the identity names another product, or if this product cannot
-    /// be framed so: only images are of single objects.
+    /// be framed so: only images are of parts of a scene.
     pub fn of(&self, id: ProductId) -> Option<Self> {
         self.framed_as(id.product, id.framing)
     }
@@ -250,7 +255,7 @@ impl KeyId {
     }
 
     fn framed_as(&self, product: &str, framing: Framing) -> Option<Self> {
-        let can_be = framing.objects().is_none() || matches!(self.form(), Form::Image { .. });
+        let can_be = framing.part().is_none() || matches!(self.form(), Form::Image { .. });
         (product == self.product && can_be).then(|| self.framed(framing))
     }
 

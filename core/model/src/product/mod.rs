@@ -40,7 +40,7 @@ pub use decode::Stored;
 pub use depths::{ObjectDepths, ObjectRun};
 pub use extent::{Extent, extents};
 pub use form::Form;
-pub use framing::{Framing, FramingError, Lighting, MAX_CANVAS, MAX_SUBPIXELS, ViewMoment};
+pub use framing::{Framing, FramingError, Lighting, MAX_CANVAS, MAX_SUBPIXELS, ScenePart, ViewMoment};
 pub use graph::{Graph, Layer, reversed, strong_components};
 pub use id::{ProductId, ProductRef, parse_product};
 pub use key::{Key, KeyId, LinkedKey, Scope, Semantic, linked};

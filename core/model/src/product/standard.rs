@@ -17,8 +17,10 @@ products! {
 
     /// Fraction of the pixel's samples of [`RADIANCE`] whose camera ray hits a body before a light, in [0, 1].
     /// `radiance (objects alone)` and `opacity (objects alone)` show each object alone, in windows side by side. With
-    /// `(objects in scene)`, the other bodies still cast shadows and reflect light. In both framings, the radiance is
-    /// premultiplied by the opacity.
+    /// `(objects in scene)`, the other bodies still cast shadows and reflect light. `(foreground in scene)` is the image of
+    /// objects and distractors where nothing hides them. In these framings, the radiance is premultiplied by the opacity.
+    /// `(furniture in scene)` is the image without objects and distractors but with their shadows, `(furniture alone)`
+    /// without their shadows, and `(background alone)` shows lights and sky.
     pub const OPACITY: Key<Plane<f32>> = view("opacity");
 
     /// Direct light: the part of [`RADIANCE`] that reaches the camera after at most one reflection. Light through glass is

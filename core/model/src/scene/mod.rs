@@ -42,7 +42,7 @@ pub use mesh::{Mesh, MeshData};
 pub use moment::{Moment, Trajectory};
 pub use moments::Moments;
 pub use recolor::{ColorMatrix, Recolor};
-pub use recorded::RecordedCamera;
+pub use recorded::{RecordedCamera, RecordedImage};
 pub use rig::RigView;
 pub use settled::{PlacedBodies, Settled};
 pub use support::{DropZone, Region, Support, SupportArea, Supports, Walls, is_in_group};

@@ -17,7 +17,7 @@ pub trait Denoiser: Send + Sync {
     }
     /// The rendered product that it replaces, and the key under which it reads the original.
     fn replaces(&self) -> Vec<Replacement> {
-        vec![Replacement { product: RADIANCE.id(), original: RADIANCE_NOISY.id(), of_objects: true }]
+        vec![Replacement { product: RADIANCE.id(), original: RADIANCE_NOISY.id(), of_parts: true }]
     }
     /// Checks that the files that it needs exist. Loads none of them, because `check` calls it for any recipe.
     fn found(&self) -> Result<()> {

@@ -137,9 +137,9 @@ pub struct Replacement {
     pub product: KeyId,
     /// Key of the same type under which the original is kept.
     pub original: KeyId,
-    /// Whether the stage also replaces the product of [single objects](crate::product::Framing::objects), such as `radiance
-    /// (objects alone)`. It then runs once more, on inputs of these objects.
-    pub of_objects: bool,
+    /// Whether the stage also replaces the product of [parts of the scene](crate::product::Framing::part), such as `radiance
+    /// (objects alone)`. It then runs once more for each part, on its inputs.
+    pub of_parts: bool,
 }
 
 #[cfg(test)]

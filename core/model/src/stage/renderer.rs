@@ -240,4 +240,7 @@ pub enum Bodies<'a> {
     /// Camera rays hit only these bodies. The others still cast shadows and reflect light, and mirrors show them: the appearance of
     /// an object in its place, without the bodies in front of it.
     Seen(&'a [InstanceId]),
+    /// The whole scene, but camera rays end without light at bodies that are not in the [foreground](Scene::foreground): the
+    /// appearance of objects and distractors where nothing hides them.
+    Foreground,
 }

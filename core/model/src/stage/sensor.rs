@@ -17,6 +17,10 @@ pub trait Sensor: Send + Sync {
     fn replaces(&self) -> Vec<Replacement> {
         Vec::new()
     }
+    /// Checks that the files that it needs exist. Loads none of them, because `check` calls it for any recipe.
+    fn found(&self) -> Result<()> {
+        Ok(())
+    }
     /// Puts all that it provides into `products`, which holds what it reads. `stream` is the random stream of this sensor, scene,
     /// view and attempt.
     fn sense(&self, cx: &ViewContext, stream: &Stream, products: &mut Products) -> Result<()>;

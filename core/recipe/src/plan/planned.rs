@@ -126,6 +126,7 @@ impl Plan {
     pub fn missing(&self) -> Vec<(&str, Error)> {
         let missing = |stage: &'_ PlannedStage| match &*stage.producer {
             Producer::Denoiser(denoiser) => denoiser.found().err().map(|error| error.context(&stage.stage)),
+            Producer::Sensor(sensor) => sensor.found().err().map(|error| error.context(&stage.stage)),
             _ => None,
         };
         self.per_view.iter().filter_map(|stage| Some((stage.stage.as_str(), missing(stage)?))).collect()
@@ -159,6 +160,8 @@ impl Plan {
                 open.extend(reads.clone().map(KeyId::product_id));
                 if id.framing.objects().is_some() {
                     open.push(COVERAGE.id().product_id());
+                }
+                if id.framing.part().is_some() {
                     open.extend(reads.map(|key| key.framed(id.framing).product_id()));
                 }
             }
@@ -170,10 +173,10 @@ impl Plan {
             let of_needed = |stage: &PlannedStage| {
                 let replaces = |framing: &Framing| {
                     let is_needed = |key: KeyId| needed.contains(&key.framed(*framing).product_id());
-                    stage.replaces.iter().any(|it| it.of_objects && is_needed(it.product))
+                    stage.replaces.iter().any(|it| it.of_parts && is_needed(it.product))
                 };
-                let of_objects = stage.of_objects.iter().copied().filter(replaces).collect();
-                PlannedStage { of_objects, ..stage.clone() }
+                let of_parts = stage.of_parts.iter().copied().filter(replaces).collect();
+                PlannedStage { of_parts, ..stage.clone() }
             };
             stages.iter().filter(runs).map(of_needed).collect()
         };

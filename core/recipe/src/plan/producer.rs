@@ -121,16 +121,16 @@ pub struct PlannedStage {
     pub provides: Vec<KeyId>,
     /// The products that it replaces.
     pub replaces: Vec<Replacement>,
-    /// Framings of single objects. The stage runs once more for each.
-    pub of_objects: BTreeSet<Framing>,
+    /// Framings of parts of the scene. The stage runs once more for each.
+    pub of_parts: BTreeSet<Framing>,
 }
 
 impl PlannedStage {
     /// Pairs of keys: a product that the stage replaces, and the key under which the original is kept.
     pub(super) fn replaced(&self) -> impl Iterator<Item = [KeyId; 2]> {
         self.replaces.iter().flat_map(|it| {
-            let of_objects = self.of_objects.iter().filter(|_| it.of_objects);
-            let framings = std::iter::once(it.product.framing).chain(of_objects.copied());
+            let of_parts = self.of_parts.iter().filter(|_| it.of_parts);
+            let framings = std::iter::once(it.product.framing).chain(of_parts.copied());
             framings.map(|framing| [it.product, it.original].map(|key| key.framed(framing)))
         })
     }

@@ -175,12 +175,12 @@ impl Resolver {
             }
             return;
         }
-        if let Some((index, replacement)) = self.replacement_of_objects(id) {
+        if let Some((index, replacement)) = self.replacement_of_part(id) {
             return match replacement.original.framed(id.framing) {
                 original if original.product_id() == id => {
                     self.source(replacement.product.framed(id.framing).product_id(), original, by, path);
                 }
-                _ => self.provide_of_objects(index, replacement, id.framing, by, path),
+                _ => self.provide_of_part(index, replacement, id.framing, by, path),
             };
         }
         let replacers: Vec<usize> =
@@ -195,15 +195,15 @@ impl Resolver {
         }
     }
 
-    /// The stage that replaces a product of single objects, given the product or its original.
-    fn replacement_of_objects(&self, id: ProductId) -> Option<(usize, Replacement)> {
-        id.framing.objects()?;
+    /// The stage that replaces a product of a part of the scene, given the product or its original.
+    fn replacement_of_part(&self, id: ProductId) -> Option<(usize, Replacement)> {
+        id.framing.part()?;
         let is_of = |it: &Replacement| [it.product, it.original].iter().any(|key| key.product == id.product);
-        self.replacements.iter().copied().find(|(_, it)| it.of_objects && is_of(it))
+        self.replacements.iter().copied().find(|(_, it)| it.of_parts && is_of(it))
     }
 
-    /// Plans a product of single objects that a stage replaces. The stage runs on them as on the image, with the same guides.
-    fn provide_of_objects(
+    /// Plans a product of a part of the scene that a stage replaces. The stage runs on it as on the image, with the same guides.
+    fn provide_of_part(
         &mut self,
         index: usize,
         replacement: Replacement,
@@ -420,9 +420,9 @@ impl Resolver {
             let producer = Arc::new(candidate.producer);
             let of_stage = self.entries.iter().filter(|other| other.provider == entry.provider);
             let framings = of_stage.map(|entry| entry.key.framing);
-            let of_objects = framings.filter(|framing| framing.objects().is_some()).collect();
+            let of_parts = framings.filter(|framing| framing.part().is_some()).collect();
             let (stage, replaces) = (candidate.stage.clone(), producer.replaces());
-            let planned = PlannedStage { stage, producer, reads, provides, replaces, of_objects };
+            let planned = PlannedStage { stage, producer, reads, provides, replaces, of_parts };
             plan.implied.extend(candidate.implied.map(|implied| (candidate.stage, implied)));
             match (traits.scope, traits.after_views) {
                 (Scope::View, _) => plan.per_view.push(planned),

@@ -86,7 +86,7 @@ impl Sensor for PixelFilter {
         vec![PIXELS.id()]
     }
     fn replaces(&self) -> Vec<Replacement> {
-        vec![Replacement { product: PIXELS.id(), original: RAW.id(), of_objects: false }]
+        vec![Replacement { product: PIXELS.id(), original: RAW.id(), of_parts: false }]
     }
     fn sense(&self, _: &ViewContext, _: &syntable_model::random::Stream, _: &mut Products) -> Result<()> {
         Ok(())
@@ -351,7 +351,7 @@ fn a_framing_beyond_its_limit_is_named() {
 fn light_on_objects_is_denoised_like_the_image() {
     let found = lit(&[LIGHT_OF_ALL]).expect("planned");
     let alone = Framing::of_objects(Lighting::Alone);
-    let of_objects = |plan: &Plan| plan.per_view.iter().flat_map(|stage| stage.of_objects.clone()).collect::<Vec<_>>();
+    let of_objects = |plan: &Plan| plan.per_view.iter().flat_map(|stage| stage.of_parts.clone()).collect::<Vec<_>>();
     assert_eq!(of_objects(&found), [alone]);
     let by_framing = found.by_framing();
     assert_eq!(by_framing.keys().collect::<Vec<_>>(), [&Framing::IMAGE, &alone], "the image comes first");

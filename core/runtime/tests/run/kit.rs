@@ -297,7 +297,7 @@ impl Sensor for Doubler {
         keys![LIGHT]
     }
     fn replaces(&self) -> Vec<Replacement> {
-        vec![Replacement { product: LIGHT.id(), original: LIGHT_RAW.id(), of_objects: false }]
+        vec![Replacement { product: LIGHT.id(), original: LIGHT_RAW.id(), of_parts: false }]
     }
     fn sense(&self, _: &ViewContext, _: &Stream, products: &mut Products) -> Result<()> {
         let &Value::Int(light) = products.get(LIGHT_RAW)? else { return Err(Error::new("no light")) };

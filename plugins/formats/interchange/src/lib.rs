@@ -19,7 +19,7 @@
 //! | [`uoais`] | UOAIS-Sim: what UOAIS-Net is trained from |
 //! | [`yolo`] | Ultralytics YOLO: polygons or oriented boxes |
 //!
-//! `unread` names datasets of other programs that no format reads.
+//! `photographs` reads folders of photographs without labels. `unread` names datasets of other programs that no format reads.
 //!
 //! Writers in this crate read products only, never the bodies of the scene, so they can also write the products of a
 //! reader of another format. Pixel coordinates have their origin in the top left corner of the image.
@@ -40,6 +40,7 @@ pub mod ocid;
 mod order;
 pub mod osd_amodal;
 mod outlines;
+mod photographs;
 mod read;
 pub mod tod;
 mod unread;

@@ -61,7 +61,7 @@ pub fn add_sensor(
         let mut original = product;
         original.product = intern(&name);
         sensor.reads.push(original);
-        sensor.replaces.push(Replacement { product, original, of_objects: false });
+        sensor.replaces.push(Replacement { product, original, of_parts: false });
     }
     kind.add(Slot::Sensor, move |options| Stage::Sensor(sensor.with(options)))
 }

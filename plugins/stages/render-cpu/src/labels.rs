@@ -129,6 +129,9 @@ impl<'a> LabelCaster<'a> {
                 pixel.support = hit.t;
             }
         }
+        for pixel in &mut tile.pixels {
+            pixel.first = pixel.first.filter(|hit| !self.world.is_held_out(hit.instance));
+        }
         tile
     }
 

@@ -34,6 +34,8 @@ pub(crate) struct World {
     bvh: SceneBvh,
     /// Bodies that camera rays meet, if not the whole scene.
     seen: Option<Seen>,
+    /// Whether camera rays end without light at bodies that are not in the foreground.
+    holds_out: bool,
     /// Trees of the bodies.
     trees: Vec<Arc<MeshBvh>>,
 }
@@ -80,13 +82,16 @@ impl World {
         let trees: Vec<_> =
             trees.into_iter().enumerate().map(|(i, tree)| tree.into_inner().unwrap_or_else(|| build(i))).collect();
         let bvh = top_level(&prepared, &trees, |_| true);
-        Self { bvh, scene: prepared, seen: None, trees }
+        Self { bvh, scene: prepared, seen: None, holds_out: false, trees }
     }
 
     /// The world with some of its bodies. They keep their indices.
     pub fn with_bodies(&self, bodies: &Bodies) -> Result<Self> {
         if let Bodies::All = bodies {
             return Ok(self.clone());
+        }
+        if let Bodies::Foreground = bodies {
+            return Ok(Self { holds_out: true, ..self.clone() });
         }
         let chosen = bodies.chosen(self.scene.bodies.len())?;
         let bvh = top_level(&self.scene, &self.trees, |body| chosen[body]);
@@ -115,18 +120,25 @@ impl World {
         self.seen.as_ref().is_none_or(|seen| seen.bodies[instance])
     }
 
-    /// The first surface of a ray beyond the distance `from`. `from_camera` selects the bodies that camera rays meet;
+    /// Whether camera rays end without light at a body.
+    pub fn is_held_out(&self, instance: u32) -> bool {
+        self.holds_out && instance as usize >= self.scene.foreground
+    }
+
+    /// The first surface of a ray beyond the distance `from`. `from_camera` selects the bodies that camera rays meet, none if one
+    /// of them holds the ray out;
     /// `seed` decides at surfaces with partial coverage.
     #[inline]
     pub fn closest(&self, ray: &Ray, from: f32, seed: u32, from_camera: bool) -> Option<Hit> {
         let bvh = if from_camera { self.seen() } else { &self.bvh };
-        if self.scene.has_cutouts {
+        let closest = if self.scene.has_cutouts {
             bvh.closest_where(ray, from, f32::INFINITY, |hit| {
                 self.is_solid(hit, ray, hit.instance, alpha_random(seed, hit))
             })
         } else {
             bvh.closest(ray, from, f32::INFINITY)
-        }
+        };
+        closest.filter(|hit| !from_camera || !self.is_held_out(hit.instance))
     }
 
     /// Prefetches the data that [`Self::surface`] reads for a hit.

@@ -133,6 +133,7 @@ fn constants() -> String {
         ("BLENDED_BY_COVERAGE", layout::BLENDED_BY_COVERAGE.into()),
         ("WITHOUT_BACKGROUND", layout::WITHOUT_BACKGROUND.into()),
         ("WITHOUT_SHADOWS", layout::WITHOUT_SHADOWS.into()),
+        ("HOLDS_OUT", layout::HOLDS_OUT.into()),
         ("GUIDE_BOUNCES", path::GUIDE_BOUNCES.into()),
         ("LABELS_THROUGH_GLASS", layout::LABELS_THROUGH_GLASS.into()),
         ("SHADOW_COUNTERS", layout::SHADOW_COUNTERS.into()),

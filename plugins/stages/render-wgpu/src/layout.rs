@@ -41,6 +41,7 @@ pub const BLENDED_BY_COVERAGE: u32 = 4;
 pub const WITHOUT_BACKGROUND: u32 = 8;
 pub const WITHOUT_SHADOWS: u32 = 16;
 pub const LABELS_THROUGH_GLASS: u32 = 32;
+pub const HOLDS_OUT: u32 = 64;
 
 /// `View` in `scene.wgsl`.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

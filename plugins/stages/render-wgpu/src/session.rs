@@ -82,7 +82,8 @@ impl Gathered {
     /// Data that the products of a request need.
     pub fn wanted(request: &RenderRequest, guides: bool) -> Self {
         let opacity = request.wants.contains(&OPACITY.id());
-        let all_bodies = request.only_tile().is_some_and(|tile| matches!(tile.bodies, Bodies::All));
+        let all_bodies =
+            request.only_tile().is_some_and(|tile| matches!(tile.bodies, Bodies::All | Bodies::Foreground));
         Self { guides, opacity, tiles: request.only_tile().is_none(), all_bodies }
     }
 }

@@ -46,7 +46,7 @@ impl Shown {
             lit.iter_mut().zip(&chosen).for_each(|(lit, chosen)| *lit |= *chosen || !alone);
             let mut numbers = (0..count).filter(|&number| chosen[number]);
             let seen = match (bodies, is_only, numbers.next(), numbers.next()) {
-                (Bodies::All, ..) | (Bodies::Only(_), true, ..) => SeenBodies::All,
+                (Bodies::All | Bodies::Foreground, ..) | (Bodies::Only(_), true, ..) => SeenBodies::All,
                 (_, true, ..) => SeenBodies::Many(chosen),
                 (_, false, Some(one), None) => SeenBodies::One(one),
                 (.., one, _) => {

@@ -2,8 +2,8 @@
 
 use crate::arena::{Arena, Asset, Place};
 use crate::layout::{
-    BLENDED_BY_COVERAGE, BodyPlace, EMITTER_SIZE, LABELS_THROUGH_GLASS, NONE, TENT, View, WARPED, WITHOUT_BACKGROUND,
-    WITHOUT_SHADOWS,
+    BLENDED_BY_COVERAGE, BodyPlace, EMITTER_SIZE, HOLDS_OUT, LABELS_THROUGH_GLASS, NONE, TENT, View, WARPED,
+    WITHOUT_BACKGROUND, WITHOUT_SHADOWS,
 };
 use crate::session::{GpuSession, World, body_nodes_at};
 use crate::tables::{EnvironmentPlaces, Tables, TilePlace};
@@ -13,7 +13,7 @@ use std::sync::Arc;
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::Result;
 use syntable_model::scene::EnvironmentMap;
-use syntable_model::stage::RenderRequest;
+use syntable_model::stage::{Bodies, RenderRequest};
 use syntable_prepare::labels::BlendedLabels;
 use syntable_prepare::{
     Bounds, DistantLight, EmissiveBody, EnvironmentDistribution, LightTable, MipLevel, MipTexture, PreparedBody,
@@ -212,6 +212,7 @@ impl GpuSession {
                 | flag(TENT, settings.filter == PixelFilter::Tent)
                 | flag(WITHOUT_BACKGROUND, !request.background)
                 | flag(WITHOUT_SHADOWS, !settings.shadows)
+                | flag(HOLDS_OUT, request.tiles.iter().any(|tile| tile.bodies == Bodies::Foreground))
                 | flag(BLENDED_BY_COVERAGE, self.options.blended_labels != BlendedLabels::Shape)
                 | flag(LABELS_THROUGH_GLASS, self.options.blended_labels == BlendedLabels::Opaque),
             max_bounces: settings.max_bounces,

@@ -83,6 +83,7 @@ fn labels_are_the_cpus() {
         (&plain, Look::Mixed, request.clone().of(window, Bodies::All)),
         (&plain, Look::Mixed, request.clone().of(image, Bodies::Only(&seen))),
         (&plain, Look::Mixed, request.clone().of(image, Bodies::Seen(&seen))),
+        (&plain, Look::Mixed, request.clone().of(image, Bodies::Foreground)),
     ] {
         let frames = both(options, look, &request);
         if options == &plain && look == Look::Glass {
@@ -320,6 +321,35 @@ fn ray_queries_make_the_images_of_walks() {
     let (window, seen) = (Window::of(&view.camera.intrinsics), [InstanceId(3), InstanceId(5)]);
     let frames = both(&RenderRequest { wants: &light, ..request }.of(window, Bodies::Seen(&seen)));
     same!(&frames, RADIANCE, RADIANCE_VARIANCE);
+}
+
+#[test]
+fn parts_of_the_scene_are_the_cpus() {
+    if !has_adapter() {
+        return;
+    }
+    let view = room::view(64, 48);
+    let options = PathTracing { samples_per_pixel: 16, ..PathTracing::default() };
+    let scene = room::scene_of(Look::Mixed);
+    let furniture: Vec<InstanceId> = scene.bodies()[scene.foreground().len()..].iter().map(|body| body.id).collect();
+    let wants = keys![RADIANCE, RADIANCE_VARIANCE, OPACITY];
+    let window = Window::of(&view.camera.intrinsics);
+    for (bodies, background) in
+        [(Bodies::Foreground, false), (Bodies::Seen(&furniture), true), (Bodies::Only(&[]), true)]
+    {
+        let request = RenderRequest::new(&view, &wants, Stream::root(9), &Threads(2)).of(window, bodies);
+        let frames = both(&options, Look::Mixed, &RenderRequest { background, ..request });
+        let opacity = different(pair(&frames, OPACITY), |a, b| (a - b).abs() > 1e-6);
+        let (z2, ratio) = match bodies {
+            // No variance where nothing varies.
+            Bodies::Only(_) => (0.0, compare(&frames).1),
+            _ => compare(&frames),
+        };
+        println!("{bodies:?}: mean z² {z2:.5}, ratio of means {ratio:.5}, {opacity} opacities differ");
+        assert!(z2 < 0.05 && (ratio - 1.0).abs() < 5e-3 && opacity <= 2, "{bodies:?}: {z2} {ratio} {opacity}");
+        let mean = frames[0].get(OPACITY).expect("made").data().iter().sum::<f32>() / (64.0 * 48.0);
+        assert!(background || (0.05..0.95).contains(&mean), "{mean} of the image is foreground");
+    }
 }
 
 #[test]

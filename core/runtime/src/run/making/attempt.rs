@@ -15,9 +15,11 @@ use syntable_model::error::{Error, Result};
 use syntable_model::geometry::Pose;
 use syntable_model::limits::CANVAS_PIXELS;
 use syntable_model::product::standard::COVERAGE;
-use syntable_model::product::{Framing, KeyId, Products};
+use syntable_model::product::{Framing, KeyId, Lighting, Products, ScenePart};
 use syntable_model::random::Stream;
-use syntable_model::scene::{Camera, Moment, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId};
+use syntable_model::scene::{
+    Camera, InstanceId, Moment, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId,
+};
 use syntable_model::stage::{Atlas, Bodies, DatasetInfo, LightSampler, RenderRequest, RenderSession, Window};
 use syntable_prepare::RayScene;
 use syntable_recipe::plan::{Plan, Producer};
@@ -247,20 +249,35 @@ impl Attempt<'_> {
     ) -> Result<()> {
         let mut rendered = Products::new();
         let mut atlas = None;
+        let scene = session.scene;
+        let furniture: Vec<InstanceId> =
+            scene.bodies()[scene.foreground().len()..].iter().map(|body| body.id).collect();
         for (framing, wants) in plan.by_framing() {
             let view = framing.view(view, next);
             let session = session.at(view.moment, &self.tools)?;
             let stream = self.stream("render").at(u64::from(view.id.0));
             let mut request = RenderRequest::new(&view, &wants, stream, self.tools.workers);
             request.cache = self.tools.cache;
-            let denoised = match framing.objects() {
-                Some(lighting) => {
+            let of_part = || plan.denoiser.as_ref().is_some_and(|stage| stage.of_parts.contains(&framing));
+            let denoised = match framing.part() {
+                Some(ScenePart::Objects(lighting)) => {
                     let atlas = match &mut atlas {
                         Some(atlas) => atlas,
                         none => none.insert(Atlas::of(rendered.get(COVERAGE)?)),
                     };
                     request = request.of_objects(atlas, lighting);
-                    plan.denoiser.as_ref().is_some_and(|stage| stage.of_objects.contains(&framing))
+                    of_part()
+                }
+                Some(part) => {
+                    let (bodies, background) = match part {
+                        ScenePart::Furniture(Lighting::Alone) => (Bodies::Only(&furniture), true),
+                        ScenePart::Furniture(Lighting::InScene) => (Bodies::Seen(&furniture), true),
+                        ScenePart::Background => (Bodies::Only(&[]), true),
+                        ScenePart::Foreground | ScenePart::Objects(_) => (Bodies::Foreground, false),
+                    };
+                    request = request.of(Window::of(&view.camera.intrinsics), bodies);
+                    request.background = background;
+                    of_part()
                 }
                 None => {
                     request = request.of(Window::canvas(&view.camera.intrinsics, framing.canvas()), Bodies::All);

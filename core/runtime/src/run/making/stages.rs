@@ -36,13 +36,13 @@ pub fn annotate(
         };
         let made = lend(times, stage, products, run)?;
         keep(plan, made, products)?;
-        stage.of_objects.iter().try_for_each(|&of| run_of_objects(times, stage, run, of, products))?;
+        stage.of_parts.iter().try_for_each(|&of| run_of_part(times, stage, run, of, products))?;
     }
     Ok(())
 }
 
-/// Runs a stage that replaces products on images of single objects.
-fn run_of_objects(
+/// Runs a stage that replaces products on the image of a part of the scene.
+fn run_of_part(
     times: &Times,
     stage: &PlannedStage,
     run: impl FnOnce(&mut Products) -> Result<()>,
@@ -54,7 +54,7 @@ fn run_of_objects(
     for key in &stage.reads {
         of_image.rename(own(key), *key)?;
     }
-    let replaced: Vec<KeyId> = stage.replaces.iter().filter(|it| it.of_objects).map(|it| it.product).collect();
+    let replaced: Vec<KeyId> = stage.replaces.iter().filter(|it| it.of_parts).map(|it| it.product).collect();
     let mut made = lend(times, stage, &of_image, run)?.only(&replaced);
     replaced.iter().try_for_each(|key| made.rename(*key, own(key)))?;
     products.extend(made)

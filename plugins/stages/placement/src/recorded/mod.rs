@@ -188,9 +188,9 @@ impl Placer for RecordedPlacer {
                 None => scene.add(body),
             };
         }
-        let in_world = |RecordedCamera { mut camera, image }: RecordedCamera| {
-            camera.world_from_camera = recording * camera.world_from_camera;
-            RecordedCamera { camera, image }
+        let in_world = |mut recorded: RecordedCamera| {
+            recorded.camera.world_from_camera = recording * recorded.camera.world_from_camera;
+            recorded
         };
         scene.recorded_cameras.extend(cameras.into_iter().map(in_world));
         Ok(())

@@ -2,14 +2,15 @@
 
 use super::object::RecordedObject;
 use std::path::Path;
+use std::sync::Arc;
 use syntable_model::geometry::Pose;
 use syntable_model::limits::IMAGE_PIXELS;
 use syntable_model::prelude::*;
 use syntable_model::product::StatedCamera;
-use syntable_model::product::standard::{CAMERA, OBJECT_INFO};
+use syntable_model::product::standard::{CAMERA, OBJECT_INFO, RGB};
 use syntable_model::reader::{ImageRef, OpenDataset, Source};
 use syntable_model::registry::Registry;
-use syntable_model::scene::{Camera, Distortion, Intrinsics, RecordedCamera};
+use syntable_model::scene::{Camera, Distortion, Intrinsics, RecordedCamera, RecordedImage};
 
 /// The images that one scene rebuilds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -34,7 +35,7 @@ pub struct Selection<'o> {
 
 /// The recorded scenes of a dataset.
 pub struct RecordedScenes {
-    dataset: OpenDataset,
+    dataset: Arc<OpenDataset>,
     /// The images of each scene to rebuild, as places in the dataset.
     units: Vec<Vec<usize>>,
 }
@@ -75,7 +76,7 @@ impl RecordedScenes {
             return Err(Error::new(message).in_file(path).help(format!("its first scenes are {}", known.join(", "))));
         }
         let units = units_of(&dataset.images, selection);
-        let this = Self { dataset, units };
+        let this = Self { dataset: Arc::new(dataset), units };
         match (this.units.is_empty(), this.lost()) {
             (false, _) => Ok(this),
             (true, None) => Err(Error::new("the dataset has no images").in_file(path)),
@@ -128,12 +129,19 @@ impl RecordedScenes {
                     format!("`{}` and `{}` have one camera pose and different lenses", other.image, image.name);
                 return Err(Error::new(message).help(PER_IMAGE));
             }
-            cameras.push(RecordedCamera { camera, image: image.name.clone() });
+            cameras.push(RecordedCamera { camera, image: image.name.clone(), photograph: self.photograph(place) });
             let shown = read.products.get(OBJECT_INFO)?.iter();
             let shown = shown.map(|(id, value)| RecordedObject::read(id, value, pose.as_ref(), image));
             objects.add(shown.collect::<Result<_>>()?, image)?;
         }
         Ok(RecordedScene { objects: objects.known, cameras, is_in_world, left_out })
+    }
+
+    /// The color image at a place of the dataset, if it has color images.
+    fn photograph(&self, place: usize) -> Option<RecordedImage> {
+        let dataset = Arc::clone(&self.dataset);
+        let read = move || dataset.read(place, &[RGB.id()])?.products.get(RGB).cloned();
+        self.dataset.offers.contains(&RGB.id()).then(|| RecordedImage::new(read))
     }
 }
 

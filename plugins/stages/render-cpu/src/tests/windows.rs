@@ -196,6 +196,56 @@ fn of_objects(scene: &Arc<Scene>, view: &View, wants: &[KeyId], lighting: Lighti
     (atlas, frame)
 }
 
+/// Rays of a pixel draw the same random numbers whatever they show, so parts agree with the image to the bit.
+#[test]
+fn foreground_and_furniture_are_parts_of_the_image() {
+    let (scene, straight) = busy_scene();
+    let mut curved = straight.clone();
+    curved.camera.lens = Some(ThinLens { aperture_radius_m: 0.01, focus_distance_m: 1.2 });
+    let first = scene.foreground().len();
+    let furniture: Vec<InstanceId> = scene.bodies()[first..].iter().map(|body| body.id).collect();
+    assert!(!furniture.is_empty());
+    for view in [straight, curved] {
+        let of = |bodies: Bodies, background: bool| {
+            let mut session = crate::CpuPathRenderer::new(options(4, 3)).session();
+            session.load(&scene, &Serial).expect("loads");
+            let request = RenderRequest::new(&view, &PLANES, Stream::root(7), &Threads(2)).of(image(&view), bodies);
+            let mut products = Products::new();
+            session.render(&RenderRequest { background, ..request }, &mut products).expect("renders");
+            products
+        };
+        let (whole, front) = (of(Bodies::All, true), of(Bodies::Foreground, false));
+        let behind = of(Bodies::Seen(&furniture), true);
+        let light = [&whole, &front, &behind].map(|products| products.get(RADIANCE).expect("made"));
+        let ids = [&whole, &front].map(|products| products.get(INSTANCE).expect("made"));
+        let opacity = front.get(OPACITY).expect("made");
+        let (mut covered, mut open, mut edges) = (0, 0, 0);
+        for y in 0..opacity.height() {
+            for x in 0..opacity.width() {
+                let [whole, front, behind] = light.map(|plane| *plane.at(x, y));
+                match *opacity.at(x, y) {
+                    1.0 => {
+                        assert_eq!(front, whole);
+                        covered += 1;
+                    }
+                    0.0 => {
+                        assert_eq!((front, behind), ([0.0; 3], whole));
+                        open += 1;
+                    }
+                    _ => {
+                        assert!((0..3).all(|c| front[c] <= whole[c]), "{front:?} {whole:?}");
+                        edges += 1;
+                    }
+                }
+                let [whole, front] = ids.map(|plane| *plane.at(x, y));
+                let want = if usize::from(whole.0) <= first { whole } else { InstanceId::BACKGROUND };
+                assert_eq!(front, want, "({x}, {y})");
+            }
+        }
+        assert!(covered.min(open).min(edges) > 20, "{covered} {open} {edges}");
+    }
+}
+
 #[test]
 fn a_tile_is_the_window_of_its_object() {
     let (scene, straight) = busy_scene();

@@ -48,7 +48,10 @@ fn labels(@builtin(global_invocation_id) id: vec3<u32>) {
     let ray = Ray(view.origin.xyz, direction);
     let walked = walk(EVERY_BODY, top_level_of_seen(), ray, 0.0, FAR, 0u, coverage);
     depths_of_pixel = NONE;
-    let first = walked.hit;
+    var first = walked.hit;
+    if first.instance != NONE && is_held_out(first.instance) {
+        first = no_hit();
+    }
     if view.before_at != NONE {
         walk(EVERY_OBJECT, top_level_of_seen(), ray, 0.0, walked.support, 0u, before);
     }

@@ -379,6 +379,10 @@ fn step_path(path: u32, bounce: u32) -> Step {
         return over;
     }
 
+    if bounce == 0u && is_held_out(hit.instance) {
+        return over;
+    }
+
     // The surface.
     if OPACITY && bounce == 0u {
         paths[RADIANCE * view.capacity + path].w = 1.0;

@@ -60,7 +60,7 @@ struct View {
     sample_bits: u32,
     block_bits: u32,
     block_columns: u32,
-    // Sum of WARPED, TENT, BLENDED_BY_COVERAGE, WITHOUT_BACKGROUND, WITHOUT_SHADOWS, LABELS_THROUGH_GLASS.
+    // Sum of WARPED, TENT, BLENDED_BY_COVERAGE, WITHOUT_BACKGROUND, WITHOUT_SHADOWS, LABELS_THROUGH_GLASS, HOLDS_OUT.
     flags: u32,
     // Of paths.
     max_bounces: u32,
@@ -173,6 +173,11 @@ struct Hit {
     v: f32,
     primitive: u32,
     instance: u32,
+}
+
+// Whether camera rays end without light at a body.
+fn is_held_out(instance: u32) -> bool {
+    return (view.flags & HOLDS_OUT) != 0u && instance >= view.foreground;
 }
 
 fn no_hit() -> Hit {

@@ -53,6 +53,25 @@ impl Agx {
         }
     }
 
+    /// The light whose linear brightness is this: the inverse of [`shown`](Self::shown).
+    fn light(&self, shown: f32) -> f32 {
+        let after = self.table.partition_point(|&entry| entry < shown).clamp(1, self.table.len() - 1);
+        let [low, high] = [self.table[after - 1], self.table[after]];
+        let part = if high > low { ((shown - low) / (high - low)).clamp(0.0, 1.0) } else { 0.0 };
+        let [from, to] = [after - 1, after].map(|step| f32::from_bits((self.first + step as u32) << BELOW));
+        from + (to - from) * part
+    }
+
+    /// Nits that develop into these codes, or into the nearest codes that a light can have.
+    pub fn nits(&self, code: [u8; 3]) -> [f32; 3] {
+        let shown = code.map(|code| srgb_to_linear(f64::from(code) / 255.0) as f32);
+        let gray = INSET * luminance(shown);
+        let light = shown.map(|shown| self.light((1.0 - INSET) * shown + gray));
+        // Contraction keeps the luminance.
+        let gray = INSET * luminance(light);
+        light.map(|light| ((light - gray) / (1.0 - INSET)).max(0.0) / self.scale)
+    }
+
     /// The codes of a color in nits.
     pub fn code(&self, nits: [f32; 3]) -> [u8; 3] {
         let light = nits.map(|nits| (nits.max(0.0) * self.scale).min(1e30));

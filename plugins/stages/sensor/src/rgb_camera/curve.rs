@@ -50,6 +50,11 @@ fn levels_of(tone: Tone) -> &'static [f64; 255] {
     LEVELS[tone as usize].get_or_init(|| std::array::from_fn(|code| level(tone, (code as f64 + 0.5) / 255.0)))
 }
 
+/// The light in the middle of every code, over white; not for [`Tone::Agx`].
+pub(super) fn light_of_codes(tone: Tone) -> [f64; 256] {
+    std::array::from_fn(|code| level(tone, code as f64 / 255.0))
+}
+
 /// The least `x` whose brightness is at least `brightness`, by bisection: every such curve is increasing on [0, 1].
 fn level(tone: Tone, brightness: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);

@@ -4,10 +4,12 @@ mod agx;
 mod curve;
 mod developer;
 mod development;
+mod inverse;
 mod jpeg;
 mod lens;
 mod meter;
 mod noise;
+mod plate;
 mod ranks;
 mod sigmoid;
 mod tone;
@@ -20,10 +22,12 @@ pub use jpeg::Jpeg;
 pub use lens::{Blur, ChromaticAberration, Vignetting};
 pub use meter::{ev100_of, white_nits};
 pub use noise::Noise;
+pub use plate::{Behind, Plate, PlateOrder};
 pub use tone::Tone;
 pub use white_balance::WhiteBalance;
 
 use crate::image_filter::filled;
+use inverse::Inverse;
 use std::borrow::Cow;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO, EXPOSURE, RADIANCE, RGB};
@@ -55,6 +59,9 @@ pub struct RgbCamera {
     pub blur: Option<Blur>,
     /// The light that becomes white: `"none"` (the default), `"auto"`, `"gray_world"` or `{ kelvin = 4000 }`.
     pub white_balance: WhiteBalance,
+    /// Photograph behind the rendered objects; none by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plate: Option<Plate>,
     /// Shot noise and read noise; none by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<Noise>,
@@ -74,6 +81,7 @@ impl Config for RgbCamera {
         self.chromatic_aberration.as_ref().map_or(Ok(()), ChromaticAberration::check)?;
         self.blur.as_ref().map_or(Ok(()), Blur::check)?;
         self.white_balance.check()?;
+        self.plate.as_ref().map_or(Ok(()), Plate::check)?;
         self.noise.as_ref().map_or(Ok(()), Noise::check)?;
         self.jpeg.as_ref().map_or(Ok(()), Jpeg::check)?;
         Ok(Box::new(self))
@@ -82,7 +90,7 @@ impl Config for RgbCamera {
 
 impl Sensor for RgbCamera {
     fn reads(&self) -> Vec<KeyId> {
-        let mut reads = keys![RADIANCE];
+        let mut reads = self.plate.as_ref().map_or_else(|| keys![RADIANCE], Plate::reads);
         reads.extend(self.white_balance.reads_albedo().then_some(ALBEDO.id()));
         reads
     }
@@ -91,10 +99,33 @@ impl Sensor for RgbCamera {
         keys![RGB, EXPOSURE]
     }
 
+    fn found(&self) -> Result<()> {
+        self.plate.as_ref().map_or(Ok(()), Plate::found)
+    }
+
     fn sense(&self, cx: &ViewContext, stream: &Stream, products: &mut Products) -> Result<()> {
         let (view, workers, stream) = (cx.view, cx.workers, |effect: &str| stream.child(effect));
         let mut applied: Vec<(&str, Value)> = Vec::new();
-        let mut light = Cow::Borrowed(products.get(RADIANCE)?);
+        // The light is estimated without noise, as by a camera that averages several images.
+        let albedo = self.white_balance.reads_albedo().then(|| products.get(ALBEDO)).transpose()?;
+        let metered = |light: &[[f32; 3]]| {
+            let (mode, ev100) = match view.exposure {
+                Exposure::Fixed { ev100 } => ("fixed", ev100),
+                Exposure::Auto { compensation_ev } => ("auto", ev100_of(light) - compensation_ev),
+            };
+            let balance = self.white_balance.gains(light, albedo.map(Plane::data), &stream("white_balance"));
+            Settings { mode, ev100, white: white_nits(ev100), balance }
+        };
+        let (mut light, settings) = match &self.plate {
+            None => (Cow::Borrowed(products.get(RADIANCE)?), None),
+            Some(plate) => {
+                let settings = metered(plate.rendered(products)?.data());
+                let inverse = (&Inverse::new(self.tone, settings.white, settings.gains()), settings.white);
+                let (light, record) = plate.composed((cx, &stream("plate")), inverse, products)?;
+                applied.push(("plate", record));
+                (Cow::Owned(light), Some(settings))
+            }
+        };
         let intrinsics = &view.camera.intrinsics;
         if let Some(vignetting) = &self.vignetting {
             let record = vignetting.apply(finite(&mut light), intrinsics, workers, &stream("vignetting"));
@@ -107,20 +138,12 @@ impl Sensor for RgbCamera {
         if let Some(blur) = &self.blur {
             applied.push(("blur", blur.apply(finite(&mut light), workers, &stream("blur"))));
         }
-        let (mode, ev100) = match view.exposure {
-            Exposure::Fixed { ev100 } => ("fixed", ev100),
-            Exposure::Auto { compensation_ev } => ("auto", ev100_of(light.data()) - compensation_ev),
-        };
-        let white = white_nits(ev100);
-        // The light is estimated without noise, as by a camera that averages several images.
-        let albedo = self.white_balance.reads_albedo().then(|| products.get(ALBEDO)).transpose()?;
-        let balance = self.white_balance.gains(light.data(), albedo.map(Plane::data), &stream("white_balance"));
+        let settings = settings.unwrap_or_else(|| metered(light.data()));
+        let (gains, Settings { mode, ev100, white, balance }) = (settings.gains(), settings);
         if let Some(noise) = &self.noise {
             applied.push(("noise", noise.apply(finite(&mut light), white, workers, &stream("noise"))));
         }
-        let mut gains = [1.0; 3];
-        if let Some((balanced, record)) = balance {
-            gains = balanced;
+        if let Some((_, record)) = balance {
             applied.push(("white_balance", record));
         }
         let developer = Developer::new(self.tone, white, gains);
@@ -139,6 +162,22 @@ impl Sensor for RgbCamera {
             ("tone", self.tone.name().into()),
         ];
         products.put(EXPOSURE, Value::record(exposure.into_iter().chain(applied)))
+    }
+}
+
+/// Exposure and white balance of a view.
+struct Settings {
+    mode: &'static str,
+    ev100: f64,
+    /// Light that becomes white, nits.
+    white: f64,
+    /// Gains of the channels, and their record.
+    balance: Option<([f32; 3], Value)>,
+}
+
+impl Settings {
+    fn gains(&self) -> [f32; 3] {
+        self.balance.as_ref().map_or([1.0; 3], |(gains, _)| *gains)
     }
 }
 

@@ -243,6 +243,10 @@ fn without_images(error: Error, dataset: &OpenDataset, image: usize, wanted: &Im
 impl ImageTally {
     fn objects(&mut self, products: &Products, options: &StatisticsOptions) -> Result<()> {
         let categories = products.optional(CATEGORY_ID)?;
+        // Photographs have no labels: how many objects they show is unknown.
+        if categories.is_none() && !products.contains(&VISIBLE_MASK.id()) {
+            return Ok(());
+        }
         let ids: Vec<InstanceId> = match products.optional(VISIBLE_MASK)? {
             Some(visible) => {
                 let shown = shown(products, visible)?;

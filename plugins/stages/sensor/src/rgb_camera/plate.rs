@@ -1,0 +1,219 @@
+//! Photographs behind rendered objects.
+
+use super::inverse::Inverse;
+use crate::image_filter::filled;
+use image::RgbImage;
+use image::imageops::{FilterType, crop_imm, resize};
+use std::path::Path;
+use syntable_formats::photographs::{Photographs, photograph};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{OPACITY, RADIANCE};
+use syntable_model::product::{Lighting, ScenePart};
+use syntable_model::scene::RecordedCamera;
+
+/// A photograph behind the rendered objects.
+///
+/// With `behind = "foreground"`, the photograph shows everything except objects and distractors. Table, room and lights of the
+/// scene are stand-ins: they catch shadows, reflect light onto objects, and hide parts of objects, but are not visible. Where an
+/// object changes the light on a stand-in, the photograph gets brighter or darker by the same ratio, in each channel: `plate · (lit
+/// with objects / lit without them)`, differential rendering after Debevec (SIGGRAPH 1998) with a ratio instead of a difference.
+/// The photograph must be taken by a camera like the view's, at the same place before a surface like the stand-in. Glass and mirrors
+/// show the stand-ins. With `behind = "bodies"`, the photograph only replaces lights and sky.
+///
+/// The photograph fills the image: it is scaled to its width or height, and its center is cut out. It passes through the
+/// development of the view unchanged. Exposure and white balance are metered on the rendered scene, before the effects of lens and
+/// image sensor, which apply to photograph and objects alike. Depth and labels show the scene, not the photograph.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Plate {
+    /// Folder of JPEG and PNG files. Without it, the plate is the recorded image that the view rebuilds, which needs a step of the
+    /// kind `recorded` in `[[place]]` and in `[views]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub photographs: Option<AssetPath>,
+    /// The photograph that a view gets.
+    pub order: PlateOrder,
+    /// The bodies in front of the photograph.
+    pub behind: Behind,
+}
+
+/// The photograph that a view gets.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PlateOrder {
+    /// Any of them, at random.
+    #[default]
+    Random,
+    /// View `i` of every scene gets photograph `i` in the order of names, for fixed cameras.
+    ByView,
+}
+
+/// The bodies in front of a photograph.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Behind {
+    /// Objects and distractors. All other bodies are stand-ins for the real table, bin or room.
+    #[default]
+    Foreground,
+    /// All bodies. The photograph replaces lights and sky.
+    Bodies,
+}
+
+impl Default for Plate {
+    fn default() -> Self {
+        Self { photographs: None, order: PlateOrder::Random, behind: Behind::Foreground }
+    }
+}
+
+/// Rendered products that a plate needs.
+const FOREGROUND: Key<Plane<[f32; 3]>> = RADIANCE.of_part(ScenePart::Foreground);
+const MATTE: Key<Plane<f32>> = OPACITY.of_part(ScenePart::Foreground);
+const SHADOWED: Key<Plane<[f32; 3]>> = RADIANCE.of_part(ScenePart::Furniture(Lighting::InScene));
+const EMPTY: Key<Plane<[f32; 3]>> = RADIANCE.of_part(ScenePart::Furniture(Lighting::Alone));
+const SKY: Key<Plane<[f32; 3]>> = RADIANCE.of_part(ScenePart::Background);
+
+/// Largest factor by which objects brighten a stand-in: beyond it, the rendered surface is too dark to tell.
+const BRIGHTEST: f32 = 4.0;
+/// Light that is too dark to compare, as a fraction of white.
+const DARK: f32 = 1e-4;
+
+impl Plate {
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        if self.photographs.is_none() && self.order == PlateOrder::ByView {
+            return Err(ConfigError::new("plate.order", "`plate.order` is `by_view`, but `plate.photographs` is not set")
+                .help("set `plate.photographs` to a folder of photographs, or leave `order` out: recorded images belong to views"));
+        }
+        Ok(())
+    }
+
+    /// Checks that the folder has photographs.
+    pub(super) fn found(&self) -> Result<()> {
+        self.photographs.as_ref().map_or(Ok(()), |folder| Photographs::of(folder.path()).map(drop))
+    }
+
+    pub(super) fn reads(&self) -> Vec<KeyId> {
+        match self.behind {
+            Behind::Foreground => keys![FOREGROUND, MATTE, SHADOWED, EMPTY],
+            Behind::Bodies => keys![RADIANCE, OPACITY, SKY],
+        }
+    }
+
+    /// Radiance of the rendered scene, without the photograph.
+    pub(super) fn rendered(&self, products: &Products) -> Result<Plane<[f32; 3]>> {
+        if self.behind == Behind::Bodies {
+            return Ok(products.get(RADIANCE)?.clone());
+        }
+        let (foreground, matte, shadowed) = (products.get(FOREGROUND)?, products.get(MATTE)?, products.get(SHADOWED)?);
+        Ok(Plane::from_fn(matte.width(), matte.height(), |x, y| {
+            let (front, back, open) = (foreground.at(x, y), shadowed.at(x, y), 1.0 - matte.at(x, y));
+            std::array::from_fn(|c| front[c] + open * back[c])
+        }))
+    }
+
+    /// Radiance of the scene with the photograph, and the record of the photograph. `inverse` turns its codes into radiance.
+    pub(super) fn composed(
+        &self,
+        (cx, stream): (&ViewContext, &Stream),
+        (inverse, white): (&Inverse, f64),
+        products: &Products,
+    ) -> Result<(Plane<[f32; 3]>, Value)> {
+        let (plate, name) = self.photograph(cx, stream)?;
+        let light = match self.behind {
+            Behind::Foreground => {
+                let (foreground, matte) = (products.get(FOREGROUND)?, products.get(MATTE)?);
+                let (shadowed, empty, dark) = (products.get(SHADOWED)?, products.get(EMPTY)?, DARK * white as f32);
+                let size = [matte.width(), matte.height()];
+                let plate = filling(plate, size);
+                filled(cx.workers, size, |y, row: &mut [[f32; 3]]| {
+                    for (x, pixel) in (0..).zip(row) {
+                        let (front, open) = (foreground.at(x, y), 1.0 - matte.at(x, y));
+                        let (lit, before, shown) = (shadowed.at(x, y), empty.at(x, y), inverse.nits(*plate.at(x, y)));
+                        *pixel = std::array::from_fn(|c| {
+                            let ratio = (lit[c] + dark) / (before[c] + dark);
+                            front[c]
+                                + open * shown[c] * if ratio.is_finite() { ratio.clamp(0.0, BRIGHTEST) } else { 1.0 }
+                        });
+                    }
+                })
+            }
+            Behind::Bodies => {
+                let (whole, opacity, sky) = (products.get(RADIANCE)?, products.get(OPACITY)?, products.get(SKY)?);
+                let size = [whole.width(), whole.height()];
+                let plate = filling(plate, size);
+                filled(cx.workers, size, |y, row: &mut [[f32; 3]]| {
+                    for (x, pixel) in (0..).zip(row) {
+                        let (all, open) = (whole.at(x, y), 1.0 - opacity.at(x, y));
+                        let (behind, shown) = (sky.at(x, y), inverse.nits(*plate.at(x, y)));
+                        // The sky goes out as it came in, so that nothing of it is left at edges.
+                        *pixel = std::array::from_fn(|c| match open >= 1.0 {
+                            true => shown[c],
+                            false => (all[c] + open * (shown[c] - behind[c])).max(0.0),
+                        });
+                    }
+                })
+            }
+        };
+        Ok((light, Value::record([("photograph", name.into())])))
+    }
+
+    /// The photograph of a view, and its name.
+    fn photograph(&self, cx: &ViewContext, stream: &Stream) -> Result<(Plane<[u8; 3]>, String)> {
+        let Some(folder) = &self.photographs else { return recorded(cx) };
+        let photographs = Photographs::of(folder.path())?;
+        let files = photographs.files();
+        let file = match self.order {
+            PlateOrder::Random => stream.clone().pick(files),
+            PlateOrder::ByView => files.get(cx.view.id.0 as usize),
+        };
+        let Some(file) = file else {
+            let message = format!("view {} has no photograph: the folder has {}", cx.view.id.0, files.len());
+            let help = "add photographs, lower `views_per_scene` in [dataset], or set `plate.order = \"random\"`";
+            return Err(Error::new(message).in_file(folder.path()).help(help));
+        };
+        Ok((photograph(file)?, name_of(file)))
+    }
+}
+
+/// The recorded image of a view, and its name.
+fn recorded(cx: &ViewContext) -> Result<(Plane<[u8; 3]>, String)> {
+    let cameras = cx.scene.recorded_cameras().map_err(|error| {
+        error.help(
+            "set `plate.photographs` to a folder, or rebuild a dataset by a step of the kind `recorded` in [[place]]",
+        )
+    })?;
+    let is_own = |it: &&RecordedCamera| it.camera.world_from_camera == cx.view.camera.world_from_camera;
+    // Several images can have one pose: the number of the view tells them apart.
+    let by_number = cameras.get(cx.view.id.0 as usize).filter(is_own);
+    let Some(camera) = by_number.or_else(|| cameras.iter().find(is_own)) else {
+        return Err(Error::new("the camera of the view took no recorded image, so it has no plate")
+            .help("set `kind = \"recorded\"` in [views], or `plate.photographs` to a folder"));
+    };
+    let Some(photograph) = &camera.photograph else {
+        return Err(Error::new(format!("the recorded dataset has no color image of `{}`", camera.image))
+            .help("set `plate.photographs` to a folder"));
+    };
+    Ok((photograph.read()?, camera.image.clone()))
+}
+
+fn name_of(file: &Path) -> String {
+    file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// The photograph at another size: scaled until it fills it, and cut to its center. Unchanged if it has this size.
+fn filling(photograph: Plane<[u8; 3]>, [width, height]: [u32; 2]) -> Plane<[u8; 3]> {
+    let (own_width, own_height) = (photograph.width(), photograph.height());
+    if [own_width, own_height] == [width, height] {
+        return photograph;
+    }
+    // The largest part with the proportions of the image.
+    let (wide, high) = (u64::from(own_width) * u64::from(height), u64::from(own_height) * u64::from(width));
+    let part = match wide > high {
+        true => [((high / u64::from(height)) as u32).max(1), own_height],
+        false => [own_width, ((wide / u64::from(width)) as u32).max(1)],
+    };
+    let corner = [(own_width - part[0]) / 2, (own_height - part[1]) / 2];
+    let pixels = photograph.data().as_flattened().to_vec();
+    let Some(whole) = RgbImage::from_raw(own_width, own_height, pixels) else { return photograph };
+    let cut = crop_imm(&whole, corner[0], corner[1], part[0], part[1]).to_image();
+    let scaled = resize(&cut, width, height, FilterType::CatmullRom);
+    Plane::from_vec(width, height, scaled.into_raw().as_chunks().0.to_vec())
+}
