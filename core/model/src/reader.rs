@@ -776,15 +776,7 @@ mod tests {
     #[test]
     fn panics_of_readers_are_errors_that_name_the_dataset() {
         let format = |open| -> Box<dyn DatasetFormat> {
-            Box::new(Format {
-                name: "odd",
-                doc: "",
-                detect: |_| panic!("detect"),
-                open,
-                is_generic: false,
-                takes_image_folder: false,
-                crate_name: "test",
-            })
+            Box::new(Format::new("odd", "", |_| panic!("detect"), open))
         };
         let root = Path::new("data/set");
         let says = |text: &str, what: &str| {

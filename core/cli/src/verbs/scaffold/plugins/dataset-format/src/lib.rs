@@ -20,6 +20,7 @@ register_format!(Format {
     open,
     is_generic: false,
     takes_image_folder: false,
+    is_fallback: false,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
