@@ -775,9 +775,7 @@ mod tests {
 
     #[test]
     fn panics_of_readers_are_errors_that_name_the_dataset() {
-        let format = |open| -> Box<dyn DatasetFormat> {
-            Box::new(Format::new("odd", "", |_| panic!("detect"), open))
-        };
+        let format = |open| -> Box<dyn DatasetFormat> { Box::new(Format::new("odd", "", |_| panic!("detect"), open)) };
         let root = Path::new("data/set");
         let says = |text: &str, what: &str| {
             assert!(

@@ -188,3 +188,26 @@ fn mistakes_are_told() {
     let said = fails(syntable().arg("stats").arg(syntable_folder()).arg("--labels-only").arg("--csv").arg(&csv), 2);
     assert!(said.contains("each.csv"), "{said}");
 }
+
+/// Photographs have a look and no labels.
+#[test]
+fn datasets_are_compared_with_photographs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, code) in [("a", 51), ("b", 102)] {
+        let plain = image::RgbImage::from_pixel(40, 30, image::Rgb([code; 3]));
+        plain.save(folder.path().join(format!("{name}.png"))).expect("written");
+    }
+    let found = stats(&[folder.path(), &syntable_folder()], &[]);
+    let photographs = &found["datasets"][0];
+    assert_eq!(photographs["format"], "photographs", "{photographs}");
+    let names: Vec<&str> = photographs["distributions"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .map(|it| it["name"].as_str().expect("a name"))
+        .collect();
+    assert_eq!(names, ["brightness", "contrast", "saturation", "warmth", "edges", "detail"]);
+    // 51 and 102 of 255.
+    assert_eq!(distribution(photographs, "brightness")["mean"], 0.3);
+    assert!(found.to_string().contains("wasserstein"), "{found}");
+}

@@ -1158,3 +1158,35 @@ fn files_of_several_formats_are_listed() {
         assert!(error.contains(file), "{error}");
     }
 }
+
+/// A folder of photographs is no dataset of another format, and no dataset is a folder of photographs.
+#[test]
+fn photographs_are_read_where_nothing_else_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let photograph = |name: &str, code: u8| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("created");
+        image::RgbImage::from_pixel(4, 3, image::Rgb([code; 3])).save(path).expect("written");
+    };
+    photograph("photos/b.JPG", 60);
+    photograph("photos/a.png", 20);
+    photograph("photos/.hidden.png", 0);
+    photograph("photos/more/c.png", 0);
+    let (format, dataset) = open_dataset(&folder.path().join("photos"), None).expect("opens");
+    assert!(format.name() == "photographs" && dataset.offers.len() == 1 && dataset.offers.contains(&RGB.id()));
+    let names: Vec<&str> = dataset.images.iter().map(|image| image.name.as_str()).collect();
+    assert_eq!(names, ["a.png", "b.JPG"]);
+    let codes = [0, 1].map(|image| {
+        let read = dataset.read(image, &[RGB.id()]).expect("reads");
+        assert_eq!(read.size, [4, 3]);
+        read.products.get(RGB).expect("made").at(2, 1)[0]
+    });
+    assert!(codes[0] == 20 && codes[1].abs_diff(60) <= 1, "{codes:?}");
+    // The folder above has none of its own, and a folder of Pascal VOC is known.
+    let refusal = |name: &str| open_dataset(&folder.path().join(name), None).err().expect("refused").to_string();
+    assert!(refusal("").contains("unrecognized dataset format"), "{}", refusal(""));
+    photograph("voc/JPEGImages/a.jpg", 9);
+    std::fs::create_dir_all(folder.path().join("voc/Annotations")).expect("created");
+    std::fs::write(folder.path().join("voc/Annotations/a.xml"), "<annotation><object/></annotation>").expect("written");
+    assert!(!refusal("voc").contains("photographs"), "{}", refusal("voc"));
+}

@@ -13,16 +13,12 @@ use syntable_model::scene::{SceneId, ViewId};
 /// pixels.
 const FILE: &str = "boxes.csv";
 
-register_format!(Format {
-    name: "box_table",
-    doc: "A table of rectangles, `boxes.csv`, taken for visible masks.",
-    detect: |path| path.join(FILE).is_file(),
+register_format!(Format::new(
+    "box_table",
+    "A table of rectangles, `boxes.csv`, taken for visible masks.",
+    |path| path.join(FILE).is_file(),
     open,
-    is_generic: false,
-    takes_image_folder: false,
-    is_fallback: false,
-    crate_name: env!("CARGO_PKG_NAME"),
-});
+));
 
 /// Reads all data that needs no image: here, the whole table.
 fn open(source: &Source) -> Result<Opened> {
