@@ -1,6 +1,6 @@
 //! Simulates the effects of real cameras on images and depth.
 
-use super::Replacement;
+use super::{Part, Replacement};
 use crate::context::ViewContext;
 use crate::error::Result;
 use crate::product::{KeyId, Products};
@@ -16,6 +16,10 @@ pub trait Sensor: Send + Sync {
     /// The products of other stages that it replaces, each with the key under which it reads the original.
     fn replaces(&self) -> Vec<Replacement> {
         Vec::new()
+    }
+    /// The part of the scene that a placer must set for it; none by default.
+    fn needs(&self) -> Option<Part> {
+        None
     }
     /// Checks that the files that it needs exist. Loads none of them, because `check` calls it for any recipe.
     fn found(&self) -> Result<()> {

@@ -223,7 +223,7 @@ fn unmet(step: &Step, part: &Part, later: Option<&BuiltStage>, steps: &[Step]) -
     }
 }
 
-/// Views and cameras that need a part which no step sets in every scene.
+/// Views, cameras and sensors that need a part which no step sets in every scene.
 fn unmet_by_views(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilder> {
     if steps.iter().any(|step| !step.is_declared) {
         return Vec::new();
@@ -231,6 +231,7 @@ fn unmet_by_views(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilde
     let needs = |stage: &Stage| match stage {
         Stage::Views(views) => views.needs(),
         Stage::Camera(camera) => camera.needs(),
+        Stage::Sensor(sensor) => sensor.needs(),
         _ => None,
     };
     let unmet = |stage: &BuiltStage| {

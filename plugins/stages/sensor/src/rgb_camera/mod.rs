@@ -99,6 +99,10 @@ impl Sensor for RgbCamera {
         keys![RGB, EXPOSURE]
     }
 
+    fn needs(&self) -> Option<Part> {
+        self.plate.as_ref().and_then(Plate::needs)
+    }
+
     fn found(&self) -> Result<()> {
         self.plate.as_ref().map_or(Ok(()), Plate::found)
     }

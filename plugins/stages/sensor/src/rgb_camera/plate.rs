@@ -85,6 +85,11 @@ impl Plate {
         Ok(())
     }
 
+    /// The cameras of a recorded scene, if their images are the plates.
+    pub(super) fn needs(&self) -> Option<Part> {
+        self.photographs.is_none().then_some(Part::RecordedCameras)
+    }
+
     /// Checks that the folder has photographs.
     pub(super) fn found(&self) -> Result<()> {
         self.photographs.as_ref().map_or(Ok(()), |folder| Photographs::of(folder.path()).map(drop))
