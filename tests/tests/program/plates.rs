@@ -83,9 +83,6 @@ fn missing_photographs_end_the_run_before_it_begins() {
     let nowhere = folder.path().join("nowhere");
     let message = fails(&mut run(&folder.path().join("out"), &format!(", plate = {{ photographs = {nowhere:?} }}")), 2);
     assert!(message.contains("nowhere"), "{message}");
-    let message = fails(&mut run(&folder.path().join("out"), ", plate = {}"), 1);
-    assert!(
-        message.contains("the scene has no recorded cameras") && message.contains("plate.photographs"),
-        "{message}"
-    );
+    let message = fails(&mut run(&folder.path().join("out"), ", plate = {}"), 2);
+    assert!(message.contains("needs the cameras of a recorded scene"), "{message}");
 }
