@@ -2,17 +2,17 @@
 
 use crate::support::{fails, made, small_dataset_run};
 use std::path::Path;
+use syntable_formats::decode::{FileContent, NpyArray};
 use syntable_model::error::Result;
-use syntable_model::product::standard::{EXPOSURE, INSTANCE, RADIANCE, RGB};
-use syntable_model::product::{Key, Lighting, Plane, Product, ScenePart, Value};
+use syntable_model::product::standard::{EXPOSURE, INSTANCE, RGB};
+use syntable_model::product::{Key, Plane, Product, Value};
 use syntable_testing::takes::open_dataset;
-
-const EMPTY: Key<Plane<[f32; 3]>> = RADIANCE.of_part(ScenePart::Furniture(Lighting::Alone));
 
 /// Makes a small dataset with two views, developed without a tone curve. Its arrays have the image and the empty scene.
 fn run(out: &Path, plate: &str) -> std::process::Command {
     let sensor = format!("sensor.rgb_camera={{ tone = \"linear\"{plate} }}");
-    let arrays = "write={ npz = { include = [\"rgb\", \"exposure\", \"instance\", \"radiance (furniture alone)\"] } }";
+    let arrays = "write={ npz = { include = [\"rgb\", \"exposure\", \"instance\"] }, \
+                  npy = { include = [\"radiance (furniture alone)\"] } }";
     small_dataset_run(
         out,
         &["render.samples_per_pixel=16", "dataset.scenes=1", "dataset.views_per_scene=2", &sensor, arrays],
@@ -20,8 +20,19 @@ fn run(out: &Path, plate: &str) -> std::process::Command {
 }
 
 fn product<T: Product + Clone>(dataset: &Path, view: usize, key: Key<T>) -> Result<T> {
-    let (_, dataset) = open_dataset(dataset, None)?;
+    let (_, dataset) = open_dataset(&dataset.join("npz"), None)?;
     dataset.read(view, &[key.id()])?.products.get(key).cloned()
+}
+
+/// Radiance of a view without objects.
+fn empty(dataset: &Path, view: usize) -> Plane<[f32; 3]> {
+    let path = dataset.join(format!("npy/radiance (furniture alone)/000000_{view:04}.npy"));
+    let NpyArray::Numbers(array) = FileContent::read(&path).expect("written").npy().expect("readable") else {
+        panic!("texts in {}", path.display())
+    };
+    let [height, width, 3] = array.shape[..] else { panic!("{:?}", array.shape) };
+    let numbers: Vec<f32> = array.bytes.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+    Plane::from_vec(width as u32, height as u32, numbers.as_chunks().0.to_vec())
 }
 
 /// Light that becomes white, nits.
@@ -40,7 +51,7 @@ fn a_photograph_of_the_empty_scene_gives_the_rendered_image() {
     made(&mut run(&rendered, ""));
     std::fs::create_dir(&photographs).expect("created");
     for view in 0..2 {
-        let empty = product(&rendered, view, EMPTY).expect("made");
+        let empty = empty(&rendered, view);
         let white = white(&product(&rendered, view, EXPOSURE).expect("made"));
         let photograph = image::RgbImage::from_fn(empty.width(), empty.height(), |x, y| {
             image::Rgb(empty.at(x, y).map(|nits| (255.0 * nits / white + 0.5).clamp(0.0, 255.0) as u8))
@@ -81,7 +92,7 @@ fn a_photograph_of_the_empty_scene_gives_the_rendered_image() {
 fn missing_photographs_end_the_run_before_it_begins() {
     let folder = tempfile::tempdir().expect("a folder");
     let nowhere = folder.path().join("nowhere");
-    let message = fails(&mut run(&folder.path().join("out"), &format!(", plate = {{ photographs = {nowhere:?} }}")), 2);
+    let message = fails(&mut run(&folder.path().join("out"), &format!(", plate = {{ photographs = {nowhere:?} }}")), 1);
     assert!(message.contains("nowhere"), "{message}");
     let message = fails(&mut run(&folder.path().join("out"), ", plate = {}"), 2);
     assert!(message.contains("needs the cameras of a recorded scene"), "{message}");

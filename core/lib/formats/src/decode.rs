@@ -4,7 +4,7 @@ use crate::encode::npy;
 use crate::encode::rgb::RgbFormat;
 use crate::image_file;
 use crate::json;
-use crate::photographs::turned;
+use crate::orientation::turned;
 use png::{BitDepth, ColorType, Decoder, Transformations};
 use std::fs;
 use std::io::{Cursor, Read};

@@ -51,6 +51,7 @@ pub mod known;
 pub mod listing;
 pub mod members;
 pub mod npz_archive;
+mod orientation;
 pub mod photographs;
 mod polygon;
 pub mod read;

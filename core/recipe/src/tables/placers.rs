@@ -242,7 +242,7 @@ fn unmet_by_views(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilde
         let (slot, name) = (stage.slot, described(&part));
         let message = format!("[{slot}] needs the {name}, and no step of [[place]] sets them in every scene");
         let help = match part {
-            Part::RecordedCameras => "add a step [[place]] kind = \"recorded\", or choose another kind",
+            Part::RecordedCameras => "add a step [[place]] kind = \"recorded\", or choose another kind or option",
             _ => "add a step that sets it",
         };
         Some(DiagnosticBuilder::error(Code::Placers, stage.header.clone(), message).help(help))
