@@ -12,7 +12,7 @@ pub struct Inverse {
 
 enum Lights {
     /// Nits of every code of a channel.
-    Curve([f32; 256]),
+    Curve(Box<[f32; 256]>),
     /// The inverse of a curve in a reduced gamut.
     Agx(Box<Agx>),
 }
@@ -22,7 +22,7 @@ impl Inverse {
     pub fn new(tone: Tone, white: f64, gains: [f32; 3]) -> Self {
         let lights = match tone {
             Tone::Agx => Lights::Agx(Box::new(Agx::new(white))),
-            tone => Lights::Curve(light_of_codes(tone).map(|light| (light * white) as f32)),
+            tone => Lights::Curve(Box::new(light_of_codes(tone).map(|light| (light * white) as f32))),
         };
         Self { lights, gains }
     }
