@@ -13,11 +13,17 @@ syntable_model::register_format!(
     Format::new(
         "photographs",
         "A folder of JPEG and PNG photographs without labels, turned upright by their EXIF orientation.",
-        |root| root.is_dir() && Photographs::of(root).is_ok(),
+        is_folder_of_photographs,
         open,
     )
     .as_fallback()
 );
+
+/// Whether a folder has photographs, and the first one is readable.
+fn is_folder_of_photographs(root: &Path) -> bool {
+    let first = |it: Photographs| FileContent::read(it.files().first()?).ok()?.size().ok();
+    root.is_dir() && Photographs::of(root).ok().and_then(first).is_some()
+}
 
 struct PhotographSource {
     root: DatasetFolder,
