@@ -92,7 +92,7 @@ fn look_for(formats: &[Arc<dyn DatasetFormat>], source: &Source, format: Option<
     }
     // A dataset with a layout of its own comes before products stored by name, wherever it is.
     for is_generic in [false, true] {
-        let those = || formats.iter().filter(move |it| !it.is_fallback() && it.is_generic() == is_generic);
+        let those = || formats.iter().filter(move |it| it.is_generic() == is_generic);
         let found: Vec<&Arc<dyn DatasetFormat>> = those().filter(|it| it.detects(root)).collect();
         match found.as_slice() {
             [only] => return Ok(Found::of(only, source)),
@@ -131,7 +131,7 @@ fn look_for(formats: &[Arc<dyn DatasetFormat>], source: &Source, format: Option<
     if let Some(error) = Unread::known(root) {
         return Err(error.in_file(root));
     }
-    if let Some(format) = formats.iter().find(|it| it.is_fallback() && it.detects(root)) {
+    if let Some(format) = formats.iter().find(|it| it.falls_back_to(root)) {
         return Ok(Found::of(format, source));
     }
     Err(Error::new("unrecognized dataset format")

@@ -72,8 +72,18 @@ impl dyn DatasetFormat + '_ {
         OpenDataset::open(self.name(), source, || self.read(source))
     }
 
-    /// Whether a folder or a file looks like a dataset of the format. False if the reader panics on it.
+    /// Whether a folder or a file is a dataset of the format by its looks. False for a [fallback](#method.is_fallback), and
+    /// if the reader panics on it.
     pub fn detects(&self, path: &Path) -> bool {
+        !self.is_fallback() && self.is_like(path)
+    }
+
+    /// Whether the format is a [fallback](#method.is_fallback) that can read a folder. False if the reader panics on it.
+    pub fn falls_back_to(&self, path: &Path) -> bool {
+        self.is_fallback() && self.is_like(path)
+    }
+
+    fn is_like(&self, path: &Path) -> bool {
         guarded(&format!("the reader of {}", self.name()), path, || Ok(self.looks_like(path))).unwrap_or(false)
     }
 }

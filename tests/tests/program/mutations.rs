@@ -44,8 +44,10 @@ const ARRAYS: &str =
     "include = [\"rgb\", \"depth\", \"visible_mask\", \"amodal_mask\", \"category_id\", \"occlusion_order\"]";
 
 /// Options of writers whose readers have several code paths. Each adds a dataset to the dataset with default options.
+/// `photographs` has no writer: the images of BOP are its folder.
 const VARIANTS: &[(&str, &str)] = &[
     ("bop", "layout = \"webdataset\""),
+    ("photographs", "rgb = { format = \"jpeg\" }"),
     ("jsonl", INCLUDE),
     ("jsonl", "per = \"scene\"\ninclude = [\"rgb\", \"amodal_mask\", \"settle_report\"]"),
     ("npz", ARRAYS),
@@ -75,6 +77,10 @@ fn written(folder: &Path, kind: &str, options: &str) -> Option<PathBuf> {
         written(folder, "tod", options)?;
         move_to_ocid(&folder.join("data"));
         return Some(folder.join("data"));
+    }
+    if kind == "photographs" {
+        written(folder, "bop", options)?;
+        return Some(folder.join("data/train_pbr/000000/rgb"));
     }
     let writer = writer(kind, options).ok()?;
     let take = take(0, 4, &[Crowd::Random, Crowd::Hidden]);
