@@ -562,7 +562,7 @@ fn glass_is_clear_and_crockery_is_glazed() {
 }
 
 /// Longest and shortest height of a family of furnishings, meters.
-const HEIGHTS: [(&str, [f64; 2]); 29] = [
+const HEIGHTS: [(&str, [f64; 2]); 31] = [
     ("armchair", [0.6, 1.2]),
     ("bed", [0.7, 1.3]),
     ("blind", [0.8, 1.8]),
@@ -584,7 +584,9 @@ const HEIGHTS: [(&str, [f64; 2]); 29] = [
     ("notice_board", [0.4, 1.1]),
     ("plant", [0.3, 2.1]),
     ("radiator", [0.4, 1.0]),
+    ("rug", [0.004, 0.03]),
     ("screen", [0.3, 1.0]),
+    ("shoes", [0.06, 0.2]),
     ("socket", [0.07, 0.32]),
     ("sofa", [0.6, 1.2]),
     ("suitcase", [0.4, 1.3]),

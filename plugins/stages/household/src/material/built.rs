@@ -5,11 +5,13 @@ use super::color::{SrgbColor, hsv, mix, shade};
 use super::field::{ScalarField, smoothstep};
 use syntable_model::random::Stream;
 
-/// A random muted color.
+/// A random muted color: mostly white, gray or beige, as walls are.
 fn wall_color(stream: &mut Stream) -> SrgbColor {
-    let pale = stream.chance(0.7);
-    let (hue, saturation) = (stream.unit(), stream.uniform(0.0, if pale { 0.18 } else { 0.5 }));
-    hsv(hue, saturation, if pale { stream.uniform(0.72, 0.93) } else { stream.uniform(0.35, 0.75) })
+    let pale = stream.chance(0.75);
+    // Few walls are strongly colored: the square prefers low saturations.
+    let (hue, part) = (stream.unit(), stream.unit());
+    let saturation = part * part * if pale { 0.2 } else { 0.5 };
+    hsv(hue, saturation, if pale { stream.uniform(0.72, 0.93) } else { stream.uniform(0.4, 0.78) })
 }
 
 /// Concrete, 1 to 2 m per tile.

@@ -9,12 +9,14 @@ mod couches;
 mod cupboards;
 mod drapery;
 mod electronics;
+mod footwear;
 mod kitchens;
 mod lamps;
 mod luggage;
 mod openings;
 mod piece;
 mod plants;
+mod rugs;
 mod seats;
 mod solids;
 mod stuff;
@@ -79,8 +81,12 @@ pub enum InteriorFamily {
     Plant,
     /// Panel and column radiators with their pipes. Stands.
     Radiator,
+    /// Rugs, round or rectangular, some with a border or fringes; lying.
+    Rug,
     /// Monitors and televisions on their stands; half of them are lit.
     Screen,
+    /// Pairs of shoes, low or ankle-high, on the floor.
+    Shoes,
     /// Wall sockets and switches. Hangs.
     Socket,
     /// Sofas of two or three seats, with loose cushions. Stands.
@@ -99,7 +105,7 @@ pub enum InteriorFamily {
 
 impl InteriorFamily {
     /// All families, sorted by name.
-    const ALL: [Self; 29] = [
+    const ALL: [Self; 31] = [
         Self::Armchair,
         Self::Bed,
         Self::Blind,
@@ -121,7 +127,9 @@ impl InteriorFamily {
         Self::NoticeBoard,
         Self::Plant,
         Self::Radiator,
+        Self::Rug,
         Self::Screen,
+        Self::Shoes,
         Self::Socket,
         Self::Sofa,
         Self::Suitcase,
@@ -155,7 +163,9 @@ impl InteriorFamily {
             Self::NoticeBoard => ("notice_board", boards::notice_board),
             Self::Plant => ("plant", plants::plant),
             Self::Radiator => ("radiator", technical::radiator),
+            Self::Rug => ("rug", rugs::rug),
             Self::Screen => ("screen", electronics::screen),
+            Self::Shoes => ("shoes", footwear::shoes),
             Self::Socket => ("socket", technical::socket),
             Self::Sofa => ("sofa", couches::sofa),
             Self::Suitcase => ("suitcase", luggage::suitcase),
