@@ -88,6 +88,7 @@ pub mod length_unit;
 pub mod limits;
 pub mod mirror;
 pub mod names;
+pub mod natural;
 pub mod panics;
 pub mod photometry;
 pub mod pools;

@@ -1,10 +1,10 @@
 use super::blocks::BLOCK;
 use super::downloads::Downloads;
-use super::listed::natural;
 use super::recent::RECENT;
 use super::{DatasetFile, Mirror};
 use crate::error::Error;
 use crate::files::{DatasetFolder, DatasetPath, Reach};
+use crate::natural::natural;
 use crate::store::{MemStore, StoreFolder, Stored};
 use std::collections::BTreeSet;
 use std::fs;

@@ -325,6 +325,11 @@ impl Scene {
         &self.bodies[..count]
     }
 
+    /// The bodies behind the [foreground](Self::foreground): supports, furniture and room.
+    pub fn furniture(&self) -> &[Body] {
+        &self.bodies[self.foreground().len()..]
+    }
+
     /// The support that a recipe names, or the main one.
     ///
     /// # Errors

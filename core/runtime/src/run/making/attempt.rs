@@ -250,8 +250,7 @@ impl Attempt<'_> {
         let mut rendered = Products::new();
         let mut atlas = None;
         let scene = session.scene;
-        let furniture: Vec<InstanceId> =
-            scene.bodies()[scene.foreground().len()..].iter().map(|body| body.id).collect();
+        let furniture: Vec<InstanceId> = scene.furniture().iter().map(|body| body.id).collect();
         for (framing, wants) in plan.by_framing() {
             let view = framing.view(view, next);
             let session = session.at(view.moment, &self.tools)?;
