@@ -201,7 +201,11 @@ impl FileContent {
             let (image, orientation) = guarded(JPEG_LIBRARY, &self.path, || self.decode_jpeg())?;
             return Ok(turned(image, orientation));
         }
-        self.rgb()
+        if !self.bytes.is_empty() && !self.bytes.starts_with(&PNG) {
+            return Err(self.refuse("it is neither a JPEG nor a PNG file"));
+        }
+        let exif = png_chunks(&self.bytes).find(|(name, _)| *name == b"eXIf");
+        Ok(turned(self.rgb()?, exif.and_then(|(_, exif)| orientation(exif)).unwrap_or(1)))
     }
 
     /// An 8-bit RGB image from a PNG or JPEG file; gray becomes RGB, transparency is dropped. Refuses an EXIF orientation, because
@@ -242,7 +246,7 @@ impl FileContent {
             // `rgb` refuses an orientation.
             return (jpeg_components(&self.bytes) == Some(3)).then_some(RgbFormat::Jpeg);
         }
-        let has = |name: &[u8; 4]| png_chunks(&self.bytes).any(|chunk| chunk == name);
+        let has = |name: &[u8; 4]| png_chunks(&self.bytes).any(|(chunk, _)| chunk == name);
         let is_rgb8 = self.bytes.get(24..26) == Some(&[8, 2]);
         (is_rgb8 && !has(b"tRNS") && !has(b"eXIf")).then_some(RgbFormat::Png)
     }
@@ -487,15 +491,15 @@ fn unpacked(packed: &[u8], bits: usize, [width, height]: [u32; 2]) -> Vec<u8> {
     rows.flat_map(|row| (0..width as usize).map(move |x| sample(row, x))).collect()
 }
 
-/// Names of the chunks of a PNG file (PNG specification, section 5.3).
-fn png_chunks(file: &[u8]) -> impl Iterator<Item = &[u8]> {
+/// Names and data of the chunks of a PNG file (PNG specification, section 5.3).
+fn png_chunks(file: &[u8]) -> impl Iterator<Item = (&[u8], &[u8])> {
     let mut rest = file.get(PNG.len()..).unwrap_or_default();
     std::iter::from_fn(move || {
         let (head, after) = rest.split_first_chunk::<8>()?;
         let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
-        let name = &rest[4..8];
+        let chunk = (&rest[4..8], after.get(..length).unwrap_or_default());
         rest = after.get(length.checked_add(4)?..).unwrap_or_default();
-        Some(name)
+        Some(chunk)
     })
 }
 
@@ -667,5 +671,28 @@ mod tests {
             assert!(orientation(&little[..end]).is_none_or(|it| it == 6), "{end} bytes");
         }
         assert_eq!((orientation(b""), orientation(b"II*\0\xff\xff\xff\xff")), (None, None));
+    }
+
+    #[test]
+    fn photographs_are_upright_in_both_formats() {
+        let exif = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0";
+        // The bottom row of the file, here bright, is the left column of the photograph.
+        let file = Plane::from_fn(16, 8, |_, y| if y < 4 { [10; 3] } else { [240; 3] });
+        let jpeg = crate::encode::jpeg::encode(&file, 95).expect("encodes");
+        let segment = [&b"\xff\xe1\0"[..], &[8 + exif.len() as u8], b"Exif\0\0", exif].concat();
+        let jpeg = [&jpeg[..2], &segment, &jpeg[2..]].concat();
+        let mut png = Vec::new();
+        let mut encoder = png::Encoder::new(&mut png, 16, 8);
+        encoder.set_color(ColorType::Rgb);
+        let mut writer = encoder.write_header().expect("encodes");
+        writer.write_chunk(png::chunk::eXIf, exif).expect("encodes");
+        writer.write_image_data(file.data().as_flattened()).expect("encodes");
+        drop(writer);
+        for (name, bytes) in [("a.jpg", jpeg), ("a.png", png)] {
+            let photograph = FileContent::new(bytes, name.into()).upright().expect("readable");
+            assert_eq!((photograph.width(), photograph.height()), (8, 16), "{name}");
+            let [left, right] = [0, 7].map(|x| photograph.at(x, 9)[1]);
+            assert!(left > 200 && right < 50, "{name}: {left} {right}");
+        }
     }
 }

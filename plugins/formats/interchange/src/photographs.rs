@@ -7,7 +7,7 @@ use syntable_formats::read::{self, Categories};
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
-use syntable_model::reader::{Format, ImageSource, Opened, ReadImage, Source};
+use syntable_model::reader::{Format, ImageSource, Note, Opened, ReadImage, Source};
 
 syntable_model::register_format!(
     Format::new(
@@ -37,7 +37,9 @@ fn open(source: &Source) -> Result<Opened> {
     let names: Vec<String> = files.files().iter().map(|file| name(file)).collect();
     let refs: Vec<_> = (0..).zip(&names).map(|(number, name)| read::image((number, 0), name.clone())).collect();
     let info = Categories::default().info(read::name_of(&source.path), String::new(), &refs, String::new());
-    Ok(Opened::new(info, refs, keys![RGB], PhotographSource { root, names }))
+    let mut opened = Opened::new(info, refs, keys![RGB], PhotographSource { root, names });
+    opened.notes.push(Note::caveat("photographs have no labels: the objects in them are unknown"));
+    Ok(opened)
 }
 
 impl ImageSource for PhotographSource {
