@@ -28,7 +28,7 @@ fn products(parts: impl Fn(u32, u32) -> Parts) -> Products {
     let mut put = |key: Key<Plane<[f32; 3]>>, of: &dyn Fn(Parts) -> [f32; 3]| {
         products.put(key, Plane::from_fn(width, height, |x, y| of(parts(x, y)))).expect("first");
     };
-    put(RADIANCE.of_part(ScenePart::Foreground), &|it| it.foreground);
+    put(RADIANCE, &|it| std::array::from_fn(|c| it.foreground[c] + (1.0 - it.opacity) * it.shadowed[c]));
     put(furniture(Lighting::InScene), &|it| it.shadowed);
     put(furniture(Lighting::Alone), &|it| it.empty);
     put(ALBEDO, &|_| [0.5; 3]);
@@ -71,6 +71,32 @@ fn a_photograph_passes_unchanged_where_objects_change_nothing() {
             assert_eq!(image.data().as_flattened(), photograph(SIZE).as_raw().as_slice(), "{tone}");
             assert_eq!(json(&made, "exposure")["plate"]["photograph"], "a.png");
         }
+    }
+}
+
+#[test]
+fn light_that_is_no_number_stays_in_its_pixel() {
+    let folder = folder_of(&[("a.png", photograph(SIZE))]);
+    let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
+    let parts = |light: f32| {
+        move |x: u32, y: u32| {
+            let is_bad = (x, y) == (8, 6);
+            let foreground = if is_bad { [light; 3] } else { [0.0; 3] };
+            Parts { foreground, opacity: if is_bad { 0.5 } else { 0.0 }, shadowed: [10.0; 3], empty: [10.0; 3] }
+        }
+    };
+    let view = view(SIZE, 20.0, FIXED);
+    let options = format!("blur = {{ sigma_px = 0.5 }}\n{}", options(&folder, ""));
+    let image = |light| {
+        let made = sense(&*sensor("rgb_camera", &options), &view, products(parts(light)), 3, &Serial);
+        made.get(RGB).expect("made").clone()
+    };
+    let want = image(0.0);
+    for light in bad {
+        let got = image(light);
+        let unlike = want.data().iter().zip(got.data()).filter(|(a, b)| a != b).count();
+        // The blur reaches two pixels.
+        assert!(unlike <= 25, "{light}: {unlike} pixels differ");
     }
 }
 

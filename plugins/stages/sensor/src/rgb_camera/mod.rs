@@ -123,7 +123,7 @@ impl Sensor for RgbCamera {
         let (mut light, settings) = match &self.plate {
             None => (Cow::Borrowed(products.get(RADIANCE)?), None),
             Some(plate) => {
-                let settings = metered(plate.rendered(products)?.data());
+                let settings = metered(products.get(RADIANCE)?.data());
                 let inverse = (&Inverse::new(self.tone, settings.white, settings.gains()), settings.white);
                 let (light, record) = plate.composed((cx, &stream("plate")), inverse, products)?;
                 applied.push(("plate", record));
@@ -132,20 +132,20 @@ impl Sensor for RgbCamera {
         };
         let intrinsics = &view.camera.intrinsics;
         if let Some(vignetting) = &self.vignetting {
-            let record = vignetting.apply(finite(&mut light), intrinsics, workers, &stream("vignetting"));
+            let record = vignetting.apply(modified(&mut light), intrinsics, workers, &stream("vignetting"));
             applied.push(("vignetting", record));
         }
         if let Some(aberration) = &self.chromatic_aberration {
-            let record = aberration.apply(finite(&mut light), intrinsics, workers, &stream("chromatic_aberration"));
+            let record = aberration.apply(modified(&mut light), intrinsics, workers, &stream("chromatic_aberration"));
             applied.push(("chromatic_aberration", record));
         }
         if let Some(blur) = &self.blur {
-            applied.push(("blur", blur.apply(finite(&mut light), workers, &stream("blur"))));
+            applied.push(("blur", blur.apply(modified(&mut light), workers, &stream("blur"))));
         }
         let settings = settings.unwrap_or_else(|| metered(light.data()));
         let (gains, Settings { mode, ev100, white, balance }) = (settings.gains(), settings);
         if let Some(noise) = &self.noise {
-            applied.push(("noise", noise.apply(finite(&mut light), white, workers, &stream("noise"))));
+            applied.push(("noise", noise.apply(modified(&mut light), white, workers, &stream("noise"))));
         }
         if let Some((_, record)) = balance {
             applied.push(("white_balance", record));
@@ -185,14 +185,18 @@ impl Settings {
     }
 }
 
-/// The image to modify. NaN becomes 0 and infinity very bright, so that filters do not spread them.
-fn finite<'a>(light: &'a mut Cow<'_, Plane<[f32; 3]>>) -> &'a mut Plane<[f32; 3]> {
-    const BRIGHT_NITS: f32 = 1e12;
+/// The image to modify, with finite light.
+fn modified<'a>(light: &'a mut Cow<'_, Plane<[f32; 3]>>) -> &'a mut Plane<[f32; 3]> {
     if let Cow::Borrowed(rendered) = *light {
-        let finite = |v: f32| if v > 0.0 { v.min(BRIGHT_NITS) } else { 0.0 };
         *light = Cow::Owned(rendered.map(|pixel| pixel.map(finite)));
     }
     light.to_mut()
+}
+
+/// Light that filters do not spread: NaN becomes 0, and infinity very bright.
+fn finite(nits: f32) -> f32 {
+    const BRIGHT_NITS: f32 = 1e12;
+    if nits > 0.0 { nits.min(BRIGHT_NITS) } else { 0.0 }
 }
 
 register!(RgbCamera);

@@ -1,5 +1,6 @@
 //! Photographs behind rendered objects.
 
+use super::finite;
 use super::inverse::Inverse;
 use crate::image_filter::filled;
 use image::RgbImage;
@@ -20,9 +21,11 @@ use syntable_model::scene::RecordedCamera;
 /// The photograph must be taken by a camera like the view's, at the same place before a surface like the stand-in. Glass and mirrors
 /// show the stand-ins. With `behind = "bodies"`, the photograph only replaces lights and sky.
 ///
-/// The photograph fills the image: it is scaled to its width or height, and its center is cut out. It passes through the
-/// development of the view unchanged. Exposure and white balance are metered on the rendered scene, before the effects of lens and
-/// image sensor, which apply to photograph and objects alike. Depth and labels show the scene, not the photograph.
+/// The photograph fills the image: it is scaled to its width or height, and its center is cut out. It passes through exposure, white
+/// balance and tone unchanged, except saturated colors under `agx`, whose gamut is smaller. Exposure and white balance are metered on
+/// the rendered scene, before the effects of lens and image sensor, which apply to photograph and objects alike. Depth and labels
+/// show the scene, not the photograph. A denoiser smooths both renders of the stand-ins separately, so their ratio keeps a little
+/// noise near objects.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Plate {
@@ -64,9 +67,9 @@ impl Default for Plate {
     }
 }
 
-/// Rendered products that a plate needs.
-const FOREGROUND: Key<Plane<[f32; 3]>> = RADIANCE.of_part(ScenePart::Foreground);
+/// How much of a pixel objects cover.
 const MATTE: Key<Plane<f32>> = OPACITY.of_part(ScenePart::Foreground);
+/// Light of the stand-ins behind the objects, with the objects in the scene and without them.
 const SHADOWED: Key<Plane<[f32; 3]>> = RADIANCE.of_part(ScenePart::Furniture(Lighting::InScene));
 const EMPTY: Key<Plane<[f32; 3]>> = RADIANCE.of_part(ScenePart::Furniture(Lighting::Alone));
 const SKY: Key<Plane<[f32; 3]>> = RADIANCE.of_part(ScenePart::Background);
@@ -97,24 +100,16 @@ impl Plate {
 
     pub(super) fn reads(&self) -> Vec<KeyId> {
         match self.behind {
-            Behind::Foreground => keys![FOREGROUND, MATTE, SHADOWED, EMPTY],
+            Behind::Foreground => keys![RADIANCE, MATTE, SHADOWED, EMPTY],
             Behind::Bodies => keys![RADIANCE, OPACITY, SKY],
         }
     }
 
-    /// Radiance of the rendered scene, without the photograph.
-    pub(super) fn rendered(&self, products: &Products) -> Result<Plane<[f32; 3]>> {
-        if self.behind == Behind::Bodies {
-            return Ok(products.get(RADIANCE)?.clone());
-        }
-        let (foreground, matte, shadowed) = (products.get(FOREGROUND)?, products.get(MATTE)?, products.get(SHADOWED)?);
-        Ok(Plane::from_fn(matte.width(), matte.height(), |x, y| {
-            let (front, back, open) = (foreground.at(x, y), shadowed.at(x, y), 1.0 - matte.at(x, y));
-            std::array::from_fn(|c| front[c] + open * back[c])
-        }))
-    }
-
     /// Radiance of the scene with the photograph, and the record of the photograph. `inverse` turns its codes into radiance.
+    ///
+    /// The light behind objects goes out as it came in, and the photograph comes in: `light + open · (plate · ratio − behind)`. At an
+    /// edge, a denoiser may give objects more or less of the pixel than `open` leaves. The difference has the light of `behind`, which
+    /// is about as bright as the photograph, so edges get no outline.
     pub(super) fn composed(
         &self,
         (cx, stream): (&ViewContext, &Stream),
@@ -122,37 +117,37 @@ impl Plate {
         products: &Products,
     ) -> Result<(Plane<[f32; 3]>, Value)> {
         let (plate, name) = self.photograph(cx, stream)?;
+        let rendered = products.get(RADIANCE)?;
+        let size = [rendered.width(), rendered.height()];
+        let plate = filling(plate, size);
+        let compose = |x: u32, y: u32, opacity: f32, behind: &[f32; 3], ratio: &dyn Fn(usize) -> f32| {
+            let (light, shown, open) = (rendered.at(x, y), inverse.nits(*plate.at(x, y)), 1.0 - opacity);
+            let channel = |c: usize| match open {
+                ..=0.0 => light[c],
+                1.0.. => shown[c] * ratio(c),
+                _ => light[c] + open * (shown[c] * ratio(c) - behind[c]),
+            };
+            std::array::from_fn(|c| finite(channel(c)))
+        };
         let light = match self.behind {
             Behind::Foreground => {
-                let (foreground, matte) = (products.get(FOREGROUND)?, products.get(MATTE)?);
-                let (shadowed, empty, dark) = (products.get(SHADOWED)?, products.get(EMPTY)?, DARK * white as f32);
-                let size = [matte.width(), matte.height()];
-                let plate = filling(plate, size);
+                let (matte, shadowed, empty) = (products.get(MATTE)?, products.get(SHADOWED)?, products.get(EMPTY)?);
+                let dark = DARK * white as f32;
                 filled(cx.workers, size, |y, row: &mut [[f32; 3]]| {
                     for (x, pixel) in (0..).zip(row) {
-                        let (front, open) = (foreground.at(x, y), 1.0 - matte.at(x, y));
-                        let (lit, before, shown) = (shadowed.at(x, y), empty.at(x, y), inverse.nits(*plate.at(x, y)));
-                        *pixel = std::array::from_fn(|c| {
+                        let (lit, before) = (shadowed.at(x, y), empty.at(x, y));
+                        *pixel = compose(x, y, *matte.at(x, y), lit, &|c| {
                             let ratio = (lit[c] + dark) / (before[c] + dark);
-                            front[c]
-                                + open * shown[c] * if ratio.is_finite() { ratio.clamp(0.0, BRIGHTEST) } else { 1.0 }
+                            if ratio.is_finite() { ratio.clamp(0.0, BRIGHTEST) } else { 1.0 }
                         });
                     }
                 })
             }
             Behind::Bodies => {
-                let (whole, opacity, sky) = (products.get(RADIANCE)?, products.get(OPACITY)?, products.get(SKY)?);
-                let size = [whole.width(), whole.height()];
-                let plate = filling(plate, size);
+                let (opacity, sky) = (products.get(OPACITY)?, products.get(SKY)?);
                 filled(cx.workers, size, |y, row: &mut [[f32; 3]]| {
                     for (x, pixel) in (0..).zip(row) {
-                        let (all, open) = (whole.at(x, y), 1.0 - opacity.at(x, y));
-                        let (behind, shown) = (sky.at(x, y), inverse.nits(*plate.at(x, y)));
-                        // The sky goes out as it came in, so that nothing of it is left at edges.
-                        *pixel = std::array::from_fn(|c| match open >= 1.0 {
-                            true => shown[c],
-                            false => (all[c] + open * (shown[c] - behind[c])).max(0.0),
-                        });
+                        *pixel = compose(x, y, *opacity.at(x, y), sky.at(x, y), &|_| 1.0);
                     }
                 })
             }
@@ -192,11 +187,27 @@ fn recorded(cx: &ViewContext) -> Result<(Plane<[u8; 3]>, String)> {
         return Err(Error::new("the camera of the view took no recorded image, so it has no plate")
             .help("set `kind = \"recorded\"` in [views], or `plate.photographs` to a folder"));
     };
+    let (own, taken) = (&cx.view.camera, &camera.camera);
+    if (own.intrinsics, own.distortion) != (taken.intrinsics, taken.distortion) {
+        let message = format!(
+            "the camera of the view is not the camera that took `{}`: its intrinsics or distortion differ",
+            camera.image
+        );
+        return Err(Error::new(message).help("set `kind = \"recorded\"` in [camera]"));
+    }
     let Some(photograph) = &camera.photograph else {
         return Err(Error::new(format!("the recorded dataset has no color image of `{}`", camera.image))
             .help("set `plate.photographs` to a folder"));
     };
-    Ok((photograph.read()?, camera.image.clone()))
+    let (photograph, size) = (photograph.read()?, [taken.intrinsics.width, taken.intrinsics.height]);
+    if [photograph.width(), photograph.height()] != size {
+        let found = format!("{} × {}", photograph.width(), photograph.height());
+        let message = format!("`{}` has {found} pixels, its camera {} × {}", camera.image, size[0], size[1]);
+        return Err(
+            Error::new(message).help("correct the intrinsics of the dataset, or set `plate.photographs` to a folder")
+        );
+    }
+    Ok((photograph, camera.image.clone()))
 }
 
 fn name_of(file: &Path) -> String {
