@@ -143,7 +143,7 @@ impl Recipe {
         self.components.all().map(of_component).try_fold(0, |most, bytes| Some(bytes?.max(most)))
     }
 
-    /// Digests of the files that options name, by option. Folders have no digest.
+    /// Digests of the files that options name, by option. The digest of a folder is the digest of the names of its files.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -152,7 +152,7 @@ impl Recipe {
     }
 
     /// Digests of the files that options name, by option, for `[lock]`. The digest of a file that names others, such as a mesh
-    /// and its images, covers them. Folders have no digest.
+    /// and its images, covers them. The digest of a folder is the digest of the names of its files.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -161,12 +161,11 @@ impl Recipe {
     }
 
     fn digests_with(&self, companions: &BTreeMap<PathBuf, BTreeSet<PathBuf>>) -> Result<BTreeMap<String, String>> {
-        let files = self.files.iter().filter(|(_, path)| !path.is_dir());
         let digest = |(option, path): &(String, PathBuf)| {
-            let digest = digest_of(path, companions.get(path)).map_err(|error| error.context(option))?;
-            Ok((option.clone(), digest.to_string()))
+            let digest = if path.is_dir() { listing(path) } else { digest_of(path, companions.get(path)) };
+            Ok((option.clone(), digest.map_err(|error| error.context(option))?.to_string()))
         };
-        files.map(digest).collect()
+        self.files.iter().map(digest).collect()
     }
 
     /// The files that placers read because the files of their options name them, by the option's file.
@@ -203,6 +202,16 @@ impl Recipe {
     pub fn info_of(&self, component: &Component) -> DatasetInfo {
         DatasetInfo { label_surface: component.render.label_surface(), ..self.dataset_info() }
     }
+}
+
+/// The digest of the names in a folder, without hidden ones: stages draw files from folders.
+fn listing(folder: &Path) -> Result<Digest> {
+    let entries = std::fs::read_dir(folder).and_then(|entries| entries.collect::<std::io::Result<Vec<_>>>());
+    let entries = entries.map_err(|error| Error::io(folder, &error))?;
+    let mut names: Vec<String> = entries.iter().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    names.retain(|name| !name.starts_with('.'));
+    names.sort();
+    Ok(names.iter().fold(Hasher::new("names in a folder"), |hasher, name| hasher.text(name)).finish())
 }
 
 /// The digest of a file, and of the files that belong to it: their names and contents.

@@ -109,7 +109,8 @@ fn the_lock_covers_the_materials_of_a_placed_mesh() {
     write("beside.txt", "still no part of the mesh");
     ok(&mut run(&recipe, &out, 2));
     color("0.1 0.1 0.8");
-    let changed = "the file of `place.shelf.path` has changed since the dataset began, or a file that it names";
+    let changed =
+        "the file or folder of `place.shelf.path` has changed since the dataset began, or a file that it names";
     let said = fails(&mut run(&recipe, &out, 3), 2);
     assert!(said.contains(changed), "{said}");
     let resolved = folder.path().join("resolved.toml");

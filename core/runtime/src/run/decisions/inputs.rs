@@ -80,7 +80,7 @@ pub fn unchanged(
     for (option, was) in &then.files {
         if now.files.get(option).is_some_and(|is| is != was) {
             return refuse(format!(
-                "the file of `{option}` has changed since the dataset began, or a file that it names"
+                "the file or folder of `{option}` has changed since the dataset began, or a file that it names"
             ));
         }
     }
