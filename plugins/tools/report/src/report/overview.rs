@@ -232,7 +232,7 @@ fn cells(of: &DatasetStatistics) -> Vec<Fact> {
         ("Images", whole(totals.images)),
         ("Objects", maybe(totals.objects)),
         ("Scenes", whole(totals.scenes)),
-        ("Visible instances", whole(totals.visible_instances)),
+        ("Visible instances", maybe(totals.visible_instances)),
         ("Occluded instances", maybe(totals.occluded_instances)),
         ("Average occlusion rate", percent(totals.average_occlusion_rate)),
         ("Views with cycles", maybe(totals.cyclic_views)),

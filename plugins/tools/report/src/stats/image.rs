@@ -36,8 +36,8 @@ pub struct ImageRow {
     pub scene: u32,
     /// Its view.
     pub view: u32,
-    /// Objects that it shows.
-    pub objects: u32,
+    /// Objects that it shows; `None` without labels.
+    pub objects: Option<u32>,
     /// Annotated objects without a visible pixel. No other number includes them.
     pub hidden_objects: u32,
     /// Occlusion order; `None` without amodal masks.
@@ -200,7 +200,7 @@ pub(super) fn tally(
             id: at.id,
             scene: at.scene.0,
             view: at.view.0,
-            objects: 0,
+            objects: None,
             hidden_objects: 0,
             occlusion: None,
             mean_depth_m: None,
@@ -262,7 +262,7 @@ impl ImageTally {
             // Objects that have only a box or a class.
             None => categories.map_or_else(Vec::new, |it| it.iter().map(|(id, _)| id).collect()),
         };
-        self.row.objects = ids.len() as u32;
+        self.row.objects = Some(ids.len() as u32);
         self.values.push((Quantity::ObjectsPerView, ids.len() as f64));
         self.categories = ids.iter().filter_map(|id| categories?.get(*id).copied()).collect();
         let (infos, names) = (products.optional(OBJECT_INFO)?, products.optional(OBJECT_NAME)?);

@@ -139,7 +139,7 @@ fn unknown(
 ) -> Vec<String> {
     let offers = &dataset.offers;
     let says = |quantity| of.distribution(quantity).is_some();
-    let is_empty = of.totals.visible_instances == 0;
+    let is_empty = of.totals.visible_instances.is_none_or(|count| count == 0);
     let lacks = [
         (!wanted.has(&VISIBLE_MASK.id()), "objects have no masks: areas, occlusion and its order are unknown"),
         (
@@ -237,7 +237,8 @@ impl RunningStatistics {
         };
         let (occluded, amodal_px) = (occlusion(|it| it.occluded.into()), occlusion(|it| it.amodal_px));
         let occluded_px = occlusion(|it| it.occluded_px);
-        let visible_instances = sum(|it| it.objects.into());
+        let objects = |of: fn(u32) -> u64| self.images.iter().map(|it| it.objects.map(of)).sum::<Option<u64>>();
+        let visible_instances = objects(u64::from);
         let rates = occluded.map(|_| self.rates);
         let mut scenes: Vec<u32> = self.images.iter().map(|it| it.scene).collect();
         scenes.dedup();
@@ -248,7 +249,7 @@ impl RunningStatistics {
         });
         let totals = Totals {
             images: self.images.len() as u64,
-            empty_images: sum(|it| u64::from(it.objects == 0)),
+            empty_images: objects(|count| u64::from(count == 0)),
             objects: self.has_names.then_some(self.assets.len() as u64),
             scenes: scenes.len() as u64,
             visible_instances,
@@ -257,7 +258,7 @@ impl RunningStatistics {
             amodal_px,
             occluded_px,
             average_occlusion_rate: ratio(occluded_px.map(|px| px as f64), amodal_px),
-            mean_occlusion_rate: ratio(rates, Some(visible_instances)),
+            mean_occlusion_rate: ratio(rates, visible_instances),
             mean_occlusion_rate_of_occluded: ratio(rates, occluded),
             edges: occlusion(|it| it.edges.into()),
             mutual_pairs: occlusion(|it| it.mutual_pairs.into()),

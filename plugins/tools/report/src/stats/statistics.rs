@@ -43,14 +43,14 @@ pub struct DatasetStatistics {
 pub struct Totals {
     /// Images, including images without visible objects.
     pub images: u64,
-    /// Images without visible objects.
-    pub empty_images: u64,
+    /// Images without visible objects; `None` without labels.
+    pub empty_images: Option<u64>,
     /// Distinct assets of objects that views show.
     pub objects: Option<u64>,
     /// Scenes. In formats without scenes, each image is one.
     pub scenes: u64,
-    /// Pairs of an object and a view in which it has a visible pixel: #VI.
-    pub visible_instances: u64,
+    /// Pairs of an object and a view in which it has a visible pixel: #VI. `None` without labels.
+    pub visible_instances: Option<u64>,
     /// Instances with at least one hidden pixel: #OI.
     pub occluded_instances: Option<u64>,
     /// Annotated objects without a visible pixel. No other number includes them.

@@ -119,7 +119,7 @@ fn table_1(all: &[Described]) -> String {
             of.images.to_string(),
             known(of.objects),
             of.scenes.to_string(),
-            of.visible_instances.to_string(),
+            known(of.visible_instances),
             known(of.occluded_instances),
             percent(of.average_occlusion_rate),
             percent(of.mean_occlusion_rate),
@@ -251,8 +251,8 @@ fn notes(it: &Described) -> String {
     let mut say = |line: String| {
         let _ = writeln!(out, "  {line}");
     };
-    if of.totals.empty_images > 0 {
-        say(format!("{} no object", shows(of.totals.empty_images)));
+    if let Some(empty) = of.totals.empty_images.filter(|count| *count > 0) {
+        say(format!("{} no object", shows(empty)));
     }
     if of.totals.hidden_instances > 0 {
         let hidden = of.totals.hidden_instances;
@@ -313,7 +313,7 @@ const COLUMNS: &[CsvColumn] = &[
     ("id", |it| cell(it.id)),
     ("scene", |it| it.scene.to_string()),
     ("view", |it| it.view.to_string()),
-    ("objects", |it| it.objects.to_string()),
+    ("objects", |it| cell(it.objects)),
     ("hidden_objects", |it| it.hidden_objects.to_string()),
     ("occluded", |it| cell(it.occlusion.map(|of| of.occluded))),
     ("occluded_px", |it| cell(it.occlusion.map(|of| of.occluded_px))),
