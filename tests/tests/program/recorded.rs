@@ -95,6 +95,35 @@ fn a_rebuilt_scene_has_the_recorded_masks() {
     assert!(apart < 1e-9, "{apart}");
 }
 
+/// Where objects change nothing, an image has the codes of its own recorded image, and of no other.
+#[test]
+fn recorded_images_are_the_plates_of_their_views() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = recorded(folder.path());
+    for (name, dataset) in [("bop", source.join("bop/train_pbr")), ("lines", source.join("lines.jsonl"))] {
+        let step = format!("dataset = {dataset:?}");
+        let mut run = command(folder.path(), name, [2, 2], &step);
+        made(run.args(["--set", "sensor.rgb_camera={ tone = \"srgb\", plate = {} }"]));
+        let image = |dataset: &Path, [scene, view]: [u32; 2]| {
+            let path = dataset.join(format!("bop/train_pbr/{scene:06}/rgb/{view:06}.png"));
+            image::open(path).expect("readable").to_rgb8()
+        };
+        let all = [[0, 0], [0, 1], [1, 0], [1, 1]];
+        for at in all {
+            let got = image(&folder.path().join(name), at);
+            let same = |other| {
+                let other = image(&source, other);
+                let count = got.pixels().zip(other.pixels()).filter(|(a, b)| a == b).count();
+                count as f64 / f64::from(got.width() * got.height())
+            };
+            let own = same(at);
+            let others = all.into_iter().filter(|other| *other != at).map(same).fold(0.0, f64::max);
+            println!("{name} {at:?}: {own:.3} of the pixels, {others:.3} of another image");
+            assert!(own > 0.3 && others < 0.5 * own, "{name} {at:?}: {own} {others}");
+        }
+    }
+}
+
 #[test]
 fn swapped_objects_stand_where_the_recorded_ones_were() {
     let folder = tempfile::tempdir().expect("a folder");
