@@ -9,13 +9,14 @@ use syntable_model::product::{Key, Plane, Product, Value};
 use syntable_testing::takes::open_dataset;
 
 /// Makes a small dataset with two views, developed without a tone curve. Its arrays have the image and the empty scene.
-fn run(out: &Path, plate: &str) -> std::process::Command {
+fn run(out: &Path, denoiser: &str, plate: &str) -> std::process::Command {
     let sensor = format!("sensor.rgb_camera={{ tone = \"linear\"{plate} }}");
     let arrays = "write={ npz = { include = [\"rgb\", \"exposure\", \"instance\"] }, \
                   npy = { include = [\"radiance (furniture alone)\"] } }";
+    let denoiser = format!("denoise.kind=\"{denoiser}\"");
     small_dataset_run(
         out,
-        &["render.samples_per_pixel=16", "dataset.scenes=1", "dataset.views_per_scene=2", &sensor, arrays],
+        &["render.samples_per_pixel=16", "dataset.scenes=1", "dataset.views_per_scene=2", &sensor, arrays, &denoiser],
     )
 }
 
@@ -44,9 +45,20 @@ fn white(exposure: &Value) -> f32 {
 
 #[test]
 fn a_photograph_of_the_empty_scene_gives_the_rendered_image() {
+    gives_the_rendered_image("none", 6);
+}
+
+/// The denoiser smooths the parts apart, and silhouettes get no specks.
+#[test]
+fn a_denoised_plate_gives_the_denoised_image() {
+    gives_the_rendered_image("guided", 16);
+}
+
+/// Compares codes to `by`.
+fn gives_the_rendered_image(denoiser: &str, by: u8) {
     let folder = tempfile::tempdir().expect("a folder");
     let (rendered, photographs) = (folder.path().join("rendered"), folder.path().join("photographs"));
-    made(&mut run(&rendered, ""));
+    made(&mut run(&rendered, denoiser, ""));
     std::fs::create_dir(&photographs).expect("created");
     for view in 0..2 {
         let empty = empty(&rendered, view);
@@ -57,7 +69,8 @@ fn a_photograph_of_the_empty_scene_gives_the_rendered_image() {
         photograph.save(photographs.join(format!("{view}.png"))).expect("written");
     }
     let composed = folder.path().join("composed");
-    made(&mut run(&composed, &format!(", plate = {{ photographs = {photographs:?}, order = \"by_view\" }}")));
+    let plate = format!(", plate = {{ photographs = {photographs:?}, order = \"by_view\" }}");
+    made(&mut run(&composed, denoiser, &plate));
     let (mut compared, mut off, mut shadowed) = (0, 0, 0);
     for view in 0..2 {
         let [want, got] = [&rendered, &composed].map(|dataset| product(dataset, view, RGB).expect("made"));
@@ -73,7 +86,7 @@ fn a_photograph_of_the_empty_scene_gives_the_rendered_image() {
                 }
                 let far = |a: &[u8; 3], b: &[u8; 3], by: u8| (0..3).any(|c| a[c].abs_diff(b[c]) > by);
                 compared += 1;
-                off += u32::from(far(want, got, 6));
+                off += u32::from(far(want, got, by));
                 shadowed += u32::from(labels[0].at(x, y).0 > 8 && far(&code, want, 12));
             }
         }
@@ -82,16 +95,21 @@ fn a_photograph_of_the_empty_scene_gives_the_rendered_image() {
     assert!(compared > 5000 && shadowed > 100 && off * 200 <= compared, "{compared} {shadowed} {off}");
     // The dataset states the photograph of each view.
     let Value::Record(fields) = product(&composed, 1, EXPOSURE).expect("made") else { panic!("no record") };
-    let plate = fields.iter().find(|(name, _)| name == "plate").map(|(_, plate)| plate.clone());
-    assert_eq!(plate, Some(Value::record([("photograph", "1.png".into())])));
+    let stated = fields.iter().find(|(name, _)| name == "plate").map(|(_, plate)| plate.clone());
+    assert_eq!(stated, Some(Value::record([("photograph", "1.png".into())])));
+    // Another photograph would change later scenes.
+    std::fs::copy(photographs.join("1.png"), photographs.join("2.png")).expect("copied");
+    let message = fails(&mut run(&composed, denoiser, &plate), 2);
+    assert!(message.contains("`sensor.rgb_camera.plate.photographs` has changed since the dataset began"), "{message}");
 }
 
 #[test]
 fn missing_photographs_end_the_run_before_it_begins() {
     let folder = tempfile::tempdir().expect("a folder");
     let nowhere = folder.path().join("nowhere");
-    let message = fails(&mut run(&folder.path().join("out"), &format!(", plate = {{ photographs = {nowhere:?} }}")), 1);
+    let message =
+        fails(&mut run(&folder.path().join("out"), "none", &format!(", plate = {{ photographs = {nowhere:?} }}")), 1);
     assert!(message.contains("nowhere"), "{message}");
-    let message = fails(&mut run(&folder.path().join("out"), ", plate = {}"), 2);
+    let message = fails(&mut run(&folder.path().join("out"), "none", ", plate = {}"), 2);
     assert!(message.contains("needs the cameras of a recorded scene"), "{message}");
 }

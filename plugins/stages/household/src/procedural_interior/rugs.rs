@@ -1,7 +1,7 @@
 //! Rugs.
 
 use super::piece::Piece;
-use super::solids::{boxed, rounded};
+use super::solids::rounded;
 use super::tones;
 use crate::material::MaterialFamily;
 use crate::shape::{Lathe, Profile, SlotMapping, SolidShape};
