@@ -225,7 +225,7 @@ fn hidden_objects_are_told_from_those_that_are_seen() {
         serde_json::from_str(json).expect("JSON")
     };
     let rows = value("data/rows/0.js", "rows/0");
-    assert_eq!(rows[0]["objects"].as_u64(), Some(counted.totals.visible_instances));
+    assert_eq!(rows[0]["objects"].as_u64(), counted.totals.visible_instances);
     assert_eq!((rows[0]["objects"].as_u64(), counted.totals.hidden_instances), (Some(2), 1));
     let view = value("data/view/000/000000.js", "view/000/000000");
     let hidden: Vec<bool> =

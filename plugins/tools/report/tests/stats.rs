@@ -174,8 +174,8 @@ fn two_boxes_on_paper() {
         Paper::new(vec![(0, stacked(&[[3, 3, 2, 2], [4, 3, 4, 4]])), (0, stacked(&[[0, 0, 5, 2]])), (1, Vec::new())]);
     let found = paper.statistics(&StatisticsOptions::default(), 2);
     let of = found.totals;
-    assert_eq!((of.images, of.empty_images, of.scenes, of.objects), (3, 1, 2, Some(1)));
-    assert_eq!((of.visible_instances, of.occluded_instances, of.hidden_instances), (3, Some(1), 0));
+    assert_eq!((of.images, of.empty_images, of.scenes, of.objects), (3, Some(1), 2, Some(1)));
+    assert_eq!((of.visible_instances, of.occluded_instances, of.hidden_instances), (Some(3), Some(1), 0));
     assert_eq!((of.amodal_px, of.occluded_px), (Some(30), Some(2)));
     // Weighted by pixels, which differs from the mean of the rates 0, 1/8 and 0.
     near(of.average_occlusion_rate, 2.0 / 30.0);
@@ -259,7 +259,7 @@ fn hidden_objects_count_by_themselves() {
     objects[1].name = "hidden";
     let found = Paper::new(vec![(0, objects)]).statistics(&StatisticsOptions::default(), 1);
     let of = found.totals;
-    assert_eq!((of.visible_instances, of.hidden_instances, of.occluded_instances), (2, 1, Some(1)));
+    assert_eq!((of.visible_instances, of.hidden_instances, of.occluded_instances), (Some(2), 1, Some(1)));
     near(of.average_occlusion_rate, 4.0 / 44.0);
     assert_eq!((of.objects, of.edges, found.images[0].hidden_objects), (Some(1), Some(1), 1));
     assert!(text(&[described(found)]).contains("without a visible pixel, not counted elsewhere: 1"));
@@ -274,7 +274,7 @@ fn what_a_format_lacks_is_said() {
     let mut paper = Paper::new(vec![(0, stacked(&[[3, 3, 2, 2], [4, 3, 4, 4]]))]);
     paper.visible_alone = true;
     let found = paper.statistics(&StatisticsOptions::default(), 1);
-    assert_eq!((found.totals.visible_instances, found.totals.occluded_instances, found.layers), (2, None, None));
+    assert_eq!((found.totals.visible_instances, found.totals.occluded_instances, found.layers), (Some(2), None, None));
     assert_eq!(found.totals.average_occlusion_rate, None);
     assert_eq!(values(&found, Quantity::ObjectArea), [(4.0, 1), (14.0, 1)]);
     assert!(found.distribution(Quantity::OcclusionRate).is_none() && found.near_duplicates.is_none());
@@ -398,7 +398,7 @@ fn random_labels_are_counted_as_pixel_by_pixel() {
         cyclic += u64::from(!left.is_empty());
     }
     let of = found.totals;
-    assert_eq!((of.visible_instances as usize, of.occluded_instances), (rates.len(), Some(occluded as u64)));
+    assert_eq!((of.visible_instances, of.occluded_instances), (Some(rates.len() as u64), Some(occluded as u64)));
     assert_eq!((of.amodal_px, of.occluded_px), (Some(amodal_px as u64), Some(hidden_px as u64)));
     assert_eq!((of.edges, of.cyclic_views, of.hidden_instances), (Some(edges as u64), Some(cyclic), unseen as u64));
     assert!(cyclic > 0 && unseen > 0, "the sample has both");
