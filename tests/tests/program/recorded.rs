@@ -100,28 +100,34 @@ fn a_rebuilt_scene_has_the_recorded_masks() {
 fn recorded_images_are_the_plates_of_their_views() {
     let folder = tempfile::tempdir().expect("a folder");
     let source = recorded(folder.path());
-    for (name, dataset) in [("bop", source.join("bop/train_pbr")), ("lines", source.join("lines.jsonl"))] {
-        let step = format!("dataset = {dataset:?}");
-        let mut run = command(folder.path(), name, [2, 2], &step);
-        made(run.args(["--set", "sensor.rgb_camera={ tone = \"srgb\", plate = {} }"]));
-        let image = |dataset: &Path, [scene, view]: [u32; 2]| {
-            let path = dataset.join(format!("bop/train_pbr/{scene:06}/rgb/{view:06}.png"));
-            image::open(path).expect("readable").to_rgb8()
+    let mut run = command(folder.path(), "plates", [2, 2], &format!("dataset = {:?}", source.join("bop/train_pbr")));
+    made(run.args(["--set", "sensor.rgb_camera={ tone = \"srgb\", plate = {} }"]));
+    let image = |dataset: &Path, [scene, view]: [u32; 2]| {
+        let path = dataset.join(format!("bop/train_pbr/{scene:06}/rgb/{view:06}.png"));
+        image::open(path).expect("readable").to_rgb8()
+    };
+    let all = [[0, 0], [0, 1], [1, 0], [1, 1]];
+    for at in all {
+        let got = image(&folder.path().join("plates"), at);
+        let same = |other| {
+            let other = image(&source, other);
+            let count = got.pixels().zip(other.pixels()).filter(|(a, b)| a == b).count();
+            count as f64 / f64::from(got.width() * got.height())
         };
-        let all = [[0, 0], [0, 1], [1, 0], [1, 1]];
-        for at in all {
-            let got = image(&folder.path().join(name), at);
-            let same = |other| {
-                let other = image(&source, other);
-                let count = got.pixels().zip(other.pixels()).filter(|(a, b)| a == b).count();
-                count as f64 / f64::from(got.width() * got.height())
-            };
-            let own = same(at);
-            let others = all.into_iter().filter(|other| *other != at).map(same).fold(0.0, f64::max);
-            println!("{name} {at:?}: {own:.3} of the pixels, {others:.3} of another image");
-            assert!(own > 0.3 && others < 0.5 * own, "{name} {at:?}: {own} {others}");
-        }
+        let own = same(at);
+        let others = all.into_iter().filter(|other| *other != at).map(same).fold(0.0, f64::max);
+        assert!(own > 0.5 && others < 0.05, "{at:?}: {own} of the pixels, {others} of another image");
     }
+    // Another lens sees the objects at other places.
+    let recipe = folder.path().join("plates.toml");
+    let text = std::fs::read_to_string(&recipe).expect("written").replace(
+        "[camera]\nkind = \"recorded\"",
+        "[camera]\nkind = \"pinhole\"\nresolution = [160, 120]\nintrinsics = { fov_deg = 40 }",
+    );
+    std::fs::write(&recipe, text).expect("written");
+    run.args(["--overwrite"]);
+    let message = fails(&mut run, 2);
+    assert!(message.contains("is not the camera that took"), "{message}");
 }
 
 #[test]
