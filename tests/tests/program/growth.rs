@@ -200,6 +200,6 @@ fn files_that_the_end_reads_are_compared_before_anything_changes() {
     let before = files(&whole);
     std::fs::write(&template, "another").expect("writable");
     let error = fails(run(&locked, &whole, &[]).arg("--overwrite"), 2);
-    assert!(error.contains("the file of `write.labels.template.file` has changed"), "{error}");
+    assert!(error.contains("the file or folder of `write.labels.template.file` has changed"), "{error}");
     assert!(files(&whole) == before, "something was deleted");
 }
