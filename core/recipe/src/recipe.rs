@@ -143,7 +143,7 @@ impl Recipe {
         self.components.all().map(of_component).try_fold(0, |most, bytes| Some(bytes?.max(most)))
     }
 
-    /// Digests of the files that options name, by option. The digest of a folder is the digest of the names of its files.
+    /// Digests of the files that options name, by option. The digest of a folder is the digest of the names in it.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -152,7 +152,7 @@ impl Recipe {
     }
 
     /// Digests of the files that options name, by option, for `[lock]`. The digest of a file that names others, such as a mesh
-    /// and its images, covers them. The digest of a folder is the digest of the names of its files.
+    /// and its images, covers them. The digest of a folder is the digest of the names in it.
     ///
     /// # Errors
     /// If a file cannot be read.
