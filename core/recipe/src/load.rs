@@ -184,8 +184,6 @@ impl<'r> ReadRecipe<'r> {
                 _ => None,
             })
             .collect();
-        let mut mistakes: Vec<(String, Error)> =
-            plan.iter().flat_map(Plan::missing).map(|(stage, error)| (stage.to_owned(), error)).collect();
         // Paths do not depend on mistakes in [dataset].
         let info = DatasetInfo {
             name: self.dataset.as_ref().map_or("dataset", |table| &table.name).to_owned(),
@@ -194,6 +192,8 @@ impl<'r> ReadRecipe<'r> {
             views_per_scene: self.dataset.as_ref().and_then(|table| table.views_per_scene).unwrap_or(1),
             ..DatasetInfo::default()
         };
+        let missing = plan.iter().flat_map(|plan| plan.missing(info.views_per_scene));
+        let mut mistakes: Vec<(String, Error)> = missing.map(|(stage, error)| (stage.to_owned(), error)).collect();
         let of_writers = (writers.iter().filter_map(|writer| unready(*writer)))
             .chain(bad_paths(&info, &writers, plan.as_ref()))
             .map(|(id, error)| (format!("write.{id}"), error));

@@ -19,7 +19,7 @@ pub struct CheckedRecipe {
 }
 
 /// Loads and plans a recipe, and finds every mistake that a run would find before it renders: wrong keys and values,
-/// missing files, products that no stage provides, pools that cannot be opened, and images that the memory of this
+/// missing files, products that no stage provides, pools that cannot be opened, names of assets that no pool has, and images that the memory of this
 /// machine cannot hold. Native libraries are not loaded.
 ///
 /// # Errors
@@ -35,7 +35,7 @@ pub fn check(
         assets.part_sizes(id).map_or_else(|| format!("{size} assets"), |sizes| sizes.to_string())
     };
     let opened = recipe.fits().and_then(|()| {
-        let assets = AssetStore::open(&recipe, log)?;
+        let assets = AssetStore::open_for_run(&recipe, log)?;
         Ok(assets.sizes().map(|(id, count)| (id.to_owned(), size(&assets, id, count))).collect())
     });
     match opened {

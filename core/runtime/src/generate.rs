@@ -125,7 +125,7 @@ fn generate_scenes(
     recipe.fits()?;
     let components =
         recipe.components.all().map(|component| SampleWork::of(recipe, component, options)).collect::<Result<_>>()?;
-    let (assets, times) = (AssetStore::open(recipe, &log)?, Times::default());
+    let (assets, times) = (AssetStore::open_for_run(recipe, &log)?, Times::default());
     let in_flight = scenes_in_flight(recipe, options.threads, count);
     let sessions = AllSessions::open(recipe, scenes.all(), in_flight)?;
     let stop = options.stop.nested();

@@ -668,6 +668,14 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
             vec!["`write.n` and `write.t`"],
         ),
         ("remove=[\"place.table\"]", vec!["needs a support", "[[place]] kind = \"table\""]),
+        (
+            "place.room.floor_only=true",
+            vec!["`lights.window_light` needs the walls of a room", "kind = \"room\" with walls"],
+        ),
+        (
+            "place.objects={ kind = \"listed\", from = \"objects\", poses = [{ asset = \"spoon_0\", position_m = [0, 0, 1] }] }",
+            vec!["place.objects: pose 0: the listed object `spoon_0` is in none of `objects`"],
+        ),
         ("write.t={ kind = \"template\", template = { file = \"no/such.tera\" } }", vec!["write.t", "no/such.tera"]),
         (&broken, vec!["write.t", "broken.tera:2"]),
         (&format!("{path}\"labels.txt\" }}"), vec!["write.t", "one path, `labels.txt`", "{{ scene.id | pad"]),

@@ -245,7 +245,7 @@ fn what_cannot_be_rebuilt_is_refused_with_a_way_out() {
     check.args(["check", "builtin:quickstart", "--set", "views={ kind = \"recorded\" }"]);
     let said = fails(&mut check, 2);
     assert!(
-        said.contains("[views] needs the cameras of a recorded scene") && said.contains("kind = \"recorded\""),
+        said.contains("`views` needs the cameras of a recorded scene") && said.contains("kind = \"recorded\""),
         "{said}"
     );
 }

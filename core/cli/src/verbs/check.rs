@@ -119,7 +119,7 @@ fn recipe(console: &Console, registry: &Registry, args: &CheckArgs, path: Option
     let (source, overrides) = args.changes.request(path.cloned()).read().map_err(Exit::wrong)?;
     if let Some(wanted) = &args.assets {
         let recipe = console.loaded(check::load_naming_all(registry, source, overrides, &log))?;
-        let assets = recipe.fits().and_then(|()| AssetStore::open(&recipe, &log)).map_err(Exit::wrong)?;
+        let assets = recipe.fits().and_then(|()| AssetStore::open_for_run(&recipe, &log)).map_err(Exit::wrong)?;
         console.print(&no_errors(&recipe))?;
         return all_assets(console, (&recipe, &assets), wanted.as_deref());
     }

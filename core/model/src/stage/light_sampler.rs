@@ -1,6 +1,6 @@
 //! Lights of a view.
 
-use super::Shell;
+use super::{Part, Shell};
 use crate::context::Context;
 use crate::error::Result;
 use crate::scene::{Camera, Light, Scene};
@@ -12,5 +12,10 @@ pub trait LightSampler: Send + Sync {
     /// Whether all views of a scene have the same lights: the context's stream is then the same for all of them.
     fn once_per_scene(&self) -> bool {
         false
+    }
+    /// The part of the scene that the lights need, which a step of `[[place]]` must set. Supports are named by options of the type
+    /// [`SupportName`](crate::names::SupportName), and need not be stated here.
+    fn needs(&self) -> Option<Part> {
+        None
     }
 }

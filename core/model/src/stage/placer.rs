@@ -1,6 +1,6 @@
 //! Puts bodies into a scene.
 
-use crate::context::{Context, Log};
+use crate::context::{Assets, Context, Log};
 use crate::error::Result;
 use crate::names::SupportName;
 use crate::scene::{CatalogEntry, SceneBuilder};
@@ -28,6 +28,15 @@ pub trait Placer: Send + Sync {
     fn own_objects(&self) -> Vec<CatalogEntry> {
         Vec::new()
     }
+    /// Finds mistakes that would end a run: files that are missing or no such files, names of assets that `assets` does not have.
+    /// `check` and runs call it before the first scene. What it reads, it may keep for [`place`](Self::place).
+    ///
+    /// # Errors
+    /// With the first mistake.
+    fn ready(&self, assets: &dyn Assets, log: &dyn Log) -> Result<()> {
+        let _ = (assets, log);
+        Ok(())
+    }
     /// The files of its options that name further files, and the files that it reads because of them: of a mesh, the files of
     /// its materials, images and buffers. `[lock]` covers both by one digest.
     ///
@@ -53,6 +62,8 @@ pub struct Companions {
 pub enum Part {
     /// The floor of a room or of the open ground, at z = 0.
     Floor,
+    /// The walls of a room.
+    Walls,
     /// The [support](crate::scene::Support) of a name.
     Support(String),
     /// The main support: the first that a step sets.

@@ -21,8 +21,10 @@ pub trait Sensor: Send + Sync {
     fn needs(&self) -> Option<Part> {
         None
     }
-    /// Checks that the files that it needs exist. Loads none of them, because `check` calls it for any recipe.
-    fn found(&self) -> Result<()> {
+    /// Checks that the files that it needs for scenes of some views exist. Loads none of them, because `check` calls it for any
+    /// recipe.
+    fn found(&self, views: u32) -> Result<()> {
+        let _ = views;
         Ok(())
     }
     /// Puts all that it provides into `products`, which holds what it reads. `stream` is the random stream of this sensor, scene,

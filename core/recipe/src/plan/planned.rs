@@ -122,11 +122,11 @@ impl Plan {
         inputs.iter().filter_map(|input| self.named(&input.product)).collect()
     }
 
-    /// The stages that lack a file that they need, without running any of them.
-    pub fn missing(&self) -> Vec<(&str, Error)> {
+    /// The stages that lack a file that they need for scenes of some views, without running any of them.
+    pub fn missing(&self, views: u32) -> Vec<(&str, Error)> {
         let missing = |stage: &'_ PlannedStage| match &*stage.producer {
             Producer::Denoiser(denoiser) => denoiser.found().err().map(|error| error.context(&stage.stage)),
-            Producer::Sensor(sensor) => sensor.found().err().map(|error| error.context(&stage.stage)),
+            Producer::Sensor(sensor) => sensor.found(views).err().map(|error| error.context(&stage.stage)),
             _ => None,
         };
         self.per_view.iter().filter_map(|stage| Some((stage.stage.as_str(), missing(stage)?))).collect()

@@ -210,6 +210,9 @@ fn unmet(step: &Step, part: &Part, later: Option<&BuiltStage>, steps: &[Step]) -
     }
     let message = match part {
         Part::Support(_) => format!("step `{id}` of [[place]] needs the {name}, and no step sets it"),
+        Part::Walls | Part::RecordedCameras => {
+            format!("step `{id}` of [[place]] needs the {name}, and no step sets them")
+        }
         _ => format!("step `{id}` of [[place]] needs a {name}, and no step sets one"),
     };
     let diagnostic = DiagnosticBuilder::error(Code::Placers, span.clone(), message);
@@ -219,11 +222,12 @@ fn unmet(step: &Step, part: &Part, later: Option<&BuiltStage>, steps: &[Step]) -
             .label(did_you_mean(name, names.iter().copied()))
             .help(format!("supports of the scene: {}", listing(names))),
         Part::Floor => diagnostic.help("add a step [[place]] kind = \"room\" before it"),
+        Part::Walls => diagnostic.help("add a step [[place]] kind = \"room\" with walls before it"),
         _ => diagnostic.help("add a step [[place]] kind = \"table\" before it"),
     }
 }
 
-/// Views, cameras and sensors that need a part which no step sets in every scene.
+/// Views, cameras, lights and sensors that need a part which no step sets in every scene.
 fn unmet_by_views(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilder> {
     if steps.iter().any(|step| !step.is_declared) {
         return Vec::new();
@@ -231,6 +235,7 @@ fn unmet_by_views(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilde
     let needs = |stage: &Stage| match stage {
         Stage::Views(views) => views.needs(),
         Stage::Camera(camera) => camera.needs(),
+        Stage::Lights(lights) => lights.needs(),
         Stage::Sensor(sensor) => sensor.needs(),
         _ => None,
     };
@@ -239,9 +244,10 @@ fn unmet_by_views(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilde
             let sets = |step: &Step| step.sets.iter().any(|set| meets(set, part));
             !steps.iter().any(sets)
         })?;
-        let (slot, name) = (stage.slot, described(&part));
-        let message = format!("[{slot}] needs the {name}, and no step of [[place]] sets them in every scene");
+        let (stage_name, name) = (stage.slot.stage_name(&stage.id), described(&part));
+        let message = format!("`{stage_name}` needs the {name}, and no step of [[place]] sets them in every scene");
         let help = match part {
+            Part::Walls => "add a step [[place]] kind = \"room\" with walls, or choose another kind of light",
             Part::RecordedCameras => "add a step [[place]] kind = \"recorded\", or choose another kind or option",
             _ => "add a step that sets it",
         };
@@ -301,6 +307,7 @@ fn may_name(name: &str, set: &str) -> bool {
 fn described(part: &Part) -> String {
     match part {
         Part::Floor => "floor".to_owned(),
+        Part::Walls => "walls of a room".to_owned(),
         Part::RecordedCameras => "cameras of a recorded scene".to_owned(),
         Part::Support(name) => format!("support `{name}`"),
         _ => "support".to_owned(),

@@ -24,6 +24,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::context::{Assets, Collected, Log, Steps};
 use syntable_model::error::{Error, Result};
+use syntable_model::registry::Slot;
 use syntable_model::scene::{Asset, AssetRef, CatalogEntry, Object};
 use syntable_prepare::{AssetCache, RayMesh};
 use syntable_recipe::{CatalogNames, Component, OnBadAsset, PartSizes, Recipe};
@@ -82,6 +83,20 @@ impl<'a> AssetStore<'a> {
         let store = Self::new(pools, recipe.dataset.on_bad_asset, log);
         let components = recipe.components.all().collect();
         Ok(Self { components, locked: recipe.lock.assets.clone(), ..store })
+    }
+
+    /// Opens all pools, and lets the steps of `[[place]]` find mistakes in their files and in the names of assets that they state.
+    pub fn open_for_run(recipe: &'a Recipe, log: &'a dyn Log) -> Result<Self> {
+        let store = Self::open(recipe, log)?;
+        for (_, component) in recipe.components.weights().filter(|(weight, _)| *weight > 0.0) {
+            let assets = RecordingAssets::new(&store, &component.pools);
+            for (id, placers) in &component.place {
+                let table = component.table(&Slot::Place.stage_name(id));
+                let in_table = |error: Error| error.context(&table);
+                placers.all().try_for_each(|placer| placer.ready(&assets, log).map_err(in_table))?;
+            }
+        }
+        Ok(store)
     }
 
     /// The same store with these assets, which were loaded earlier from the same pools.

@@ -118,7 +118,7 @@ impl Previewer {
                 reporter.event(&Event::Note { message });
             }
         }
-        let assets = AssetStore::open(recipe, log)?.with(Arc::clone(&self.loaded));
+        let assets = AssetStore::open_for_run(recipe, log)?.with(Arc::clone(&self.loaded));
         let catalogs = assets.catalogs();
         let work = |component| PassWork::of(recipe, component, (parts, wanted), &catalogs);
         let source = PassSource {

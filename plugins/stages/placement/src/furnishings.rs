@@ -118,7 +118,8 @@ register!(Furnishings);
 impl Placer for Furnishings {
     fn parts(&self) -> Option<Vec<PartUse>> {
         let sets = self.name.iter().map(|name| PartUse::Sets(Part::Support(name.clone())));
-        Some([PartUse::Needs(Part::Floor)].into_iter().chain(sets).collect())
+        let needs = (self.count.range().1 > 0).then_some(PartUse::Needs(Part::Walls));
+        Some(needs.into_iter().chain(sets).collect())
     }
 
     fn places_objects(&self) -> bool {

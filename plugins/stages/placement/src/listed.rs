@@ -6,9 +6,10 @@ use crate::rotation::{ROTATION_DEG, check_quaternion, euler, of_quaternion};
 use crate::variation::{ColorChange, FinishChange, SCALE, Variation, resized};
 use std::sync::{Arc, Mutex, PoisonError};
 use syntable_mesh::root::read_file;
+use syntable_model::context::Assets;
 use syntable_model::geometry::{Translation3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Asset, AssetRef, BodyDraft, DropZone, Motion, Object, Role};
+use syntable_model::scene::{Asset, AssetRef, BodyDraft, DropZone, Motion, Role};
 
 /// Limits of positions, meters.
 const POSITION_M: [f64; 2] = [-1000.0, 1000.0];
@@ -156,6 +157,12 @@ impl Placer for ListedPlacer {
         self.options.annotated && self.options.variation().resizes()
     }
 
+    fn ready(&self, assets: &dyn Assets, _: &dyn Log) -> Result<()> {
+        let poses = self.poses()?;
+        let named = (0..).zip(poses.iter()).filter_map(|(number, pose)| Some((number, pose.asset.as_ref()?)));
+        named.into_iter().try_for_each(|(number, name)| self.asset(number, name, assets).map(drop))
+    }
+
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let Listed { from, relative_to, annotated, fixed, .. } = &self.options;
         let poses = self.poses()?;
@@ -171,7 +178,11 @@ impl Placer for ListedPlacer {
         for (number, pose) in poses.iter().enumerate() {
             let stream = context.stream.child("object").at(number as u64);
             let (asset, object) = match &pose.asset {
-                Some(name) => named(name, from, context).map_err(|error| error.context(format!("pose {number}")))?,
+                Some(name) => {
+                    let asset = self.asset(number, name, context.assets)?;
+                    let object = context.assets.get(&asset).and_then(Asset::into_object)?;
+                    (asset, object)
+                }
                 None => context.assets.draw_object(from, &mut stream.child("asset"))?,
             };
             let factor = self.options.variation().factor(&stream);
@@ -207,6 +218,11 @@ impl ListedPlacer {
         *read = Some(Arc::clone(&poses));
         Ok(poses)
     }
+
+    /// The asset that a pose names.
+    fn asset(&self, number: usize, name: &str, assets: &dyn Assets) -> Result<AssetRef> {
+        named(name, &self.options.from, assets).map_err(|error| error.context(format!("pose {number}")))
+    }
 }
 
 /// The poses of a JSON file.
@@ -230,11 +246,11 @@ fn of_file(file: &AssetPath) -> Result<Vec<ListedPose>> {
     Ok(poses)
 }
 
-/// The object of a name, or of a pool and a name, in some pools.
-fn named(text: &str, pools: &ObjectPools, context: &Context) -> Result<(AssetRef, Arc<Object>)> {
+/// The asset of a name, or of a pool and a name, in some pools.
+fn named(text: &str, pools: &ObjectPools, assets: &dyn Assets) -> Result<AssetRef> {
     let find = |pool: &str, name: &str| -> Result<Option<AssetRef>> {
-        let found = context.assets.entries(pool)?.binary_search_by(|entry| entry.name.as_str().cmp(name)).is_ok();
-        Ok(found.then(|| AssetRef { pool: context.assets.pool_name(pool).to_owned(), name: name.to_owned() }))
+        let found = assets.entries(pool)?.binary_search_by(|entry| entry.name.as_str().cmp(name)).is_ok();
+        Ok(found.then(|| AssetRef { pool: assets.pool_name(pool).to_owned(), name: name.to_owned() }))
     };
     let mut found = Vec::new();
     for pool in pools.names() {
@@ -244,7 +260,7 @@ fn named(text: &str, pools: &ObjectPools, context: &Context) -> Result<(AssetRef
         }
     }
     match found.as_slice() {
-        [asset] => Ok((asset.clone(), context.assets.get(asset).and_then(Asset::into_object)?)),
+        [asset] => Ok(asset.clone()),
         [] => {
             let message = format!("the listed object `{text}` is in none of `{}`", pools.names().join("`, `"));
             Err(Error::new(message).help("check `include` and `exclude` of its pool"))

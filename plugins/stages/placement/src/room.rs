@@ -122,7 +122,11 @@ register!(Room);
 
 impl Placer for Room {
     fn parts(&self) -> Option<Vec<PartUse>> {
-        Some(floor_parts(self.support.as_ref()))
+        let mut parts = floor_parts(self.support.as_ref());
+        if !self.floor_only {
+            parts.push(PartUse::Sets(Part::Walls));
+        }
+        Some(parts)
     }
 
     fn places_objects(&self) -> bool {

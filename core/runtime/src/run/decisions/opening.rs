@@ -179,9 +179,9 @@ fn restore_recipe(
     folder.restore_recipe(&with_devices(&with_lock(&recipe.resolved, &lock), devices))
 }
 
-/// Opens the pools of a recipe, whose contents must match the resolved recipe.
+/// Opens the pools of a recipe for its steps. Their contents must match the resolved recipe.
 fn open_pools<'a>(recipe: &'a Recipe, log: &'a dyn Log) -> Result<AssetStore<'a>> {
-    let store = AssetStore::open(recipe, log)?;
+    let store = AssetStore::open_for_run(recipe, log)?;
     let names = store.catalogs();
     let now = Lock { catalogs: inputs::catalogs(&names), ..Lock::default() };
     let home = recipe.folder.as_deref().map(StoreFolder::from);

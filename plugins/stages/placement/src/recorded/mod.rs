@@ -13,6 +13,7 @@ use object::{RecordedObject, asset_of};
 use scenes::{RecordedScene, RecordedScenes, RecordedUnit, Selection};
 use std::sync::{Arc, Mutex, PoisonError};
 use swap::{Place, Swap, Swapped};
+use syntable_model::context::Assets;
 use syntable_model::geometry::{Aabb, Point3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetRef, BodyDraft, DropZone, Motion, Object, RecordedCamera, Role};
@@ -155,9 +156,13 @@ impl Placer for RecordedPlacer {
         self.options.annotated
     }
 
+    fn ready(&self, _: &dyn Assets, log: &dyn Log) -> Result<()> {
+        self.opened(log).map(drop)
+    }
+
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let Recorded { dataset, support, fixed, .. } = &self.options;
-        let scenes = self.opened(context)?;
+        let scenes = self.opened(context.log)?;
         let number = scene.id().0 as usize % scenes.count();
         let in_dataset = |error: Error| error.in_file(dataset.path());
         let RecordedScene { objects, cameras, is_in_world, left_out } = scenes.read(number).map_err(in_dataset)?;
@@ -224,7 +229,7 @@ impl Recorded {
 
 impl RecordedPlacer {
     /// The dataset, which the first call opens.
-    fn opened(&self, context: &Context) -> Result<Arc<RecordedScenes>> {
+    fn opened(&self, log: &dyn Log) -> Result<Arc<RecordedScenes>> {
         let mut opened = self.opened.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(scenes) = &*opened {
             return Ok(Arc::clone(scenes));
@@ -234,9 +239,7 @@ impl RecordedPlacer {
         let scenes = Arc::new(RecordedScenes::open(dataset.path(), format.as_deref(), &selection)?);
         if let Some((count, why)) = scenes.lost() {
             let what = "images and damaged records of the recorded dataset are not rebuilt: they cannot be read";
-            context
-                .log
-                .left_out(&LeftOut::new(count, count + scenes.images(), what).help(format!("the first one: {why}")));
+            log.left_out(&LeftOut::new(count, count + scenes.images(), what).help(format!("the first one: {why}")));
         }
         *opened = Some(Arc::clone(&scenes));
         Ok(scenes)

@@ -207,6 +207,13 @@ impl LightSampler for WindowLight {
         self.per == Per::Scene
     }
 
+    fn needs(&self) -> Option<Part> {
+        let (WindowBrightness::IlluminanceLx(brightness) | WindowBrightness::LuminanceNits(brightness)) =
+            &self.brightness;
+        let shines = brightness.range().1 > 0.0;
+        (shines && (self.behind.is_some() || self.walls.range().1 > 0)).then_some(Part::Walls)
+    }
+
     fn lights(&self, scene: &Scene, _: &Camera, _: &Shell, context: &Context) -> Result<Vec<Light>> {
         let stream = &context.stream;
         let draw = |name: &str, dist: &Dist| dist.draw(&mut stream.child(name));

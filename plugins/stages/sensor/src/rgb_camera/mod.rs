@@ -103,8 +103,8 @@ impl Sensor for RgbCamera {
         self.plate.as_ref().and_then(Plate::needs)
     }
 
-    fn found(&self) -> Result<()> {
-        self.plate.as_ref().map_or(Ok(()), Plate::found)
+    fn found(&self, views: u32) -> Result<()> {
+        self.plate.as_ref().map_or(Ok(()), |plate| plate.found(views))
     }
 
     fn sense(&self, cx: &ViewContext, stream: &Stream, products: &mut Products) -> Result<()> {

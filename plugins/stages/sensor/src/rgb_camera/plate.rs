@@ -93,9 +93,14 @@ impl Plate {
         self.photographs.is_none().then_some(Part::RecordedCameras)
     }
 
-    /// Checks that the folder has photographs.
-    pub(super) fn found(&self) -> Result<()> {
-        self.photographs.as_ref().map_or(Ok(()), |folder| Photographs::of(folder.path()).map(drop))
+    /// Checks that the folder has photographs, and one for each view if they belong to views.
+    pub(super) fn found(&self, views: u32) -> Result<()> {
+        let Some(folder) = &self.photographs else { return Ok(()) };
+        let photographs = Photographs::of(folder.path())?;
+        match (self.order, photographs.files().len()) {
+            (PlateOrder::ByView, count) if count < views as usize => Err(too_few(count as u32, count, folder.path())),
+            _ => Ok(()),
+        }
     }
 
     pub(super) fn reads(&self) -> Vec<KeyId> {
@@ -165,12 +170,16 @@ impl Plate {
             PlateOrder::ByView => files.get(cx.view.id.0 as usize),
         };
         let Some(file) = file else {
-            let message = format!("view {} has no photograph: the folder has {}", cx.view.id.0, files.len());
-            let help = "add photographs, lower `views_per_scene` in [dataset], or set `plate.order = \"random\"`";
-            return Err(Error::new(message).in_file(folder.path()).help(help));
+            return Err(too_few(cx.view.id.0, files.len(), folder.path()));
         };
         Ok((photograph(file)?, name_of(file)))
     }
+}
+
+/// The error for a view beyond the photographs of a folder.
+fn too_few(view: u32, count: usize, folder: &Path) -> Error {
+    let help = "add photographs, lower `views_per_scene` in [dataset], or set `plate.order = \"random\"`";
+    Error::new(format!("view {view} has no photograph: the folder has {count}")).in_file(folder).help(help)
 }
 
 /// The recorded image of a view, and its name.
