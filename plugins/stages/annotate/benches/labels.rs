@@ -1,6 +1,6 @@
 //! Time of the labels of a 640 × 480 view: `cargo bench -p syntable-annotate`.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/annotate/common/mod.rs"]
 mod common;
 
 use common::{World, annotator};

@@ -1,8 +1,6 @@
 //! Photographs behind rendered objects, compared with closed forms.
 
-mod common;
-
-use common::{json, refusal, sense, sensor, view};
+use crate::common::{json, refusal, sense, sensor, view};
 use syntable_model::context::Serial;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO, EXPOSURE, OPACITY, RADIANCE, RGB};
@@ -203,11 +201,15 @@ fn photographs_fill_the_image_and_belong_to_their_views() {
 #[test]
 fn missing_photographs_are_named() {
     let folder = folder_of(&[]);
-    let found = |options: &str| sensor("rgb_camera", options).found().err().map(|error| error.to_string());
+    let found = |options: &str| sensor("rgb_camera", options).found(3).err().map(|error| error.to_string());
     let message = found(&options(&folder, "")).expect("no photograph");
     assert!(message.contains("the folder has no photograph"), "{message}");
     assert!(found("plate = { photographs = \"/nowhere/at/all\" }").is_some_and(|it| it.contains("/nowhere/at/all")));
     assert!(found("plate = {}").is_none());
+    let folder = folder_of(&[("1.png", photograph(SIZE)), ("2.png", photograph(SIZE))]);
+    assert!(found(&options(&folder, "")).is_none());
+    let message = found(&options(&folder, ", order = \"by_view\"")).expect("too few");
+    assert!(message.contains("view 2 has no photograph: the folder has 2"), "{message}");
     let message = refusal("rgb_camera", "plate = { order = \"by_view\" }");
     assert!(message.contains("`plate.photographs` is not set"), "{message}");
     let message = refusal("rgb_camera", "plate = { photograph = \"a\" }");

@@ -1,8 +1,6 @@
 //! Annotations of points, of fractions of pixels and of materials, compared with numbers worked out by hand.
 
-mod common;
-
-use common::{World, annotator, stage};
+use crate::common::{World, annotator, stage};
 use serde_json::{Value as Json, json};
 use std::sync::Arc;
 use syntable_model::digest::Digest;

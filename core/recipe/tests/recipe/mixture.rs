@@ -1,8 +1,6 @@
 //! Mixtures: several recipes whose scenes make one dataset.
 
-mod recipe_kit;
-
-use recipe_kit::{load, registry};
+use crate::recipe_kit::{load, registry};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use syntable_recipe::{Code, Overrides, Recipe, Report, Source};

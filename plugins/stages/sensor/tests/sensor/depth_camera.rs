@@ -1,8 +1,6 @@
 //! Depth cameras, compared with their documented formulas.
 
-mod common;
-
-use common::{json, refusal, sense, sensor, view};
+use crate::common::{json, refusal, sense, sensor, view};
 use syntable_model::context::{Serial, Workers};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO, DEPTH, DEPTH_SENSED, NORMAL};

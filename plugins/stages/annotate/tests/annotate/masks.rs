@@ -1,8 +1,6 @@
 //! Labels compared with sets of pixels, and the occlusion order compared with the paper's procedure.
 
-mod common;
-
-use common::{Rays, World, annotator};
+use crate::common::{Rays, World, annotator};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use syntable_model::prelude::*;

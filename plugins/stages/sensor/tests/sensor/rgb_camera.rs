@@ -1,8 +1,6 @@
 //! The color camera, compared with closed forms.
 
-mod common;
-
-use common::{json, refusal, sense, sensor, view};
+use crate::common::{json, refusal, sense, sensor, view};
 use serde_json::json;
 use syntable_model::context::{Serial, Workers};
 use syntable_model::prelude::*;

@@ -1,8 +1,6 @@
 //! Appearance of objects, developed like the image.
 
-mod common;
-
-use common::{sense, sensor, view};
+use crate::common::{sense, sensor, view};
 use std::collections::BTreeMap;
 use syntable_model::context::{Collected, DatasetContext, Serial};
 use syntable_model::prelude::*;

@@ -1,9 +1,7 @@
 //! The material of every pixel, in a scene with a known answer: a board of two triangles, a pane in front of it, a
 //! wall.
 
-mod common;
-
-use common::annotator;
+use crate::common::annotator;
 use serde_json::json;
 use std::sync::Arc;
 use syntable_model::context::{Collected, DatasetContext, Serial};
@@ -142,7 +140,7 @@ fn a_body_that_the_ray_misses_by_a_hair_keeps_its_material() {
 fn equal_materials_are_one() {
     let (scene, ..) = scene(glass(1.0));
     let (dataset, log) = (scenes::dataset(), Collected::default());
-    let Stage::AnnotateScene(stage) = common::stage("materials", "") else { panic!("it annotates scenes") };
+    let Stage::AnnotateScene(stage) = crate::common::stage("materials", "") else { panic!("it annotates scenes") };
     let mut products = Products::new();
     let cx = DatasetContext::new(&dataset, &Serial, &log);
     stage.annotate(&cx.scene(&scene), &[], &mut products).expect("made");

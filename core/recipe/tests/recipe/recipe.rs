@@ -1,9 +1,7 @@
 //! Recipes: good ones load to stages and to a resolved text, broken ones to readable diagnostics, and the JSON Schema
 //! agrees with the program.
 
-mod recipe_kit;
-
-use recipe_kit::{load, registry};
+use crate::recipe_kit::{load, registry};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,10 +1,8 @@
 //! The JSON Schema of recipes agrees with the program, as judged by an independent validator and by the tools that editors
 //! use.
 
-mod recipe_kit;
-
+use crate::recipe_kit::{load, registry};
 use jsonschema::Validator;
-use recipe_kit::{load, registry};
 use serde_json::Value as Json;
 use std::path::{Path, PathBuf};
 use std::process::Command;

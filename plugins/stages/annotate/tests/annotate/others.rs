@@ -1,8 +1,6 @@
 //! Annotators of boxes, objects, cameras, lights and settling.
 
-mod common;
-
-use common::{Rays, World, stage};
+use crate::common::{Rays, World, stage};
 use serde_json::json;
 use syntable_model::geometry::Vector3;
 use syntable_model::prelude::*;

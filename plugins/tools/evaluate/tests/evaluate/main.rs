@@ -1,0 +1,4 @@
+//! One program for all tests of the crate: each program takes seconds to compile.
+
+mod metrics;
+mod vectors;
