@@ -41,7 +41,8 @@ fn dependencies() -> BTreeMap<String, (Vec<String>, Vec<String>)> {
 #[test]
 fn plugins_depend_on_the_model_and_on_neutral_libraries() {
     /// Libraries of the core that know no stage: any plugin may use them.
-    const NEUTRAL: [&str; 7] = [
+    const NEUTRAL: [&str; 8] = [
+        "syntable-bvh",
         "syntable-simd",
         "syntable-prepare",
         "syntable-transport",
@@ -59,6 +60,7 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
             "syntable-simd" | "syntable-toml-schema" => vec![],
             "syntable-model" => vec!["syntable-toml-schema"],
             "syntable-transport" => vec!["syntable-model", "syntable-prepare", "syntable-simd"],
+            "syntable-bvh" => vec!["syntable-prepare", "syntable-simd", "syntable-transport"],
             // Stable poses are computed from convex hulls.
             "syntable-mesh" => vec!["syntable-model", "syntable-convex"],
             name if NEUTRAL.contains(&name) => vec!["syntable-model", "syntable-simd"],

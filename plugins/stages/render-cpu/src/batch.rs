@@ -1,6 +1,6 @@
 //! The paths that are traced together, in rows by field, so that lanes load and store whole registers.
 
-use crate::bvh::Hit;
+use syntable_bvh::Hit;
 use syntable_simd::Vec3;
 use syntable_simd::{Int, Real, max};
 use syntable_transport::bsdf::{BsdfParameters, CoatingParameters, LayerInputs, Layered, Lobe};

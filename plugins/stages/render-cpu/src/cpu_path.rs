@@ -98,14 +98,14 @@ impl CpuPathSession {
         self.statistics
     }
 
-    #[cfg(test)]
-    pub(crate) fn with_strategy(mut self, strategy: Strategy) -> Self {
+    /// Estimates direct light by one strategy. Images of all strategies converge to one image, so each verifies the others.
+    pub fn with_strategy(mut self, strategy: Strategy) -> Self {
         self.strategy = strategy;
         self
     }
 
-    #[cfg(test)]
-    pub(crate) fn portable(mut self) -> Self {
+    /// Uses the instructions that every processor has. The images have the same bits.
+    pub fn portable(mut self) -> Self {
         self.processor = Processor::portable();
         self
     }

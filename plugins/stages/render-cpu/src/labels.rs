@@ -4,9 +4,9 @@
 //! the coverage. Both come from the same hits, so a visible object always covers its pixel. Of bodies at equal depth,
 //! the body with the lower id is in front, so objects come before distractors, supports and room parts.
 
-use crate::bvh::{Hit, Ray, SceneBvh};
 use crate::world::World;
 use parking_lot::Mutex;
+use syntable_bvh::{Hit, Ray, SceneBvh};
 use syntable_model::context::Workers;
 use syntable_model::product::{BitPlane, Plane};
 use syntable_model::scene::InstanceId;

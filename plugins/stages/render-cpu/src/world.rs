@@ -1,8 +1,8 @@
 //! A scene ready to be traced: the prepared scene with its trees, and the surface at a hit.
 
-use crate::bvh::{Hit, Instance, MeshBvh, Ray, SceneBvh};
 use std::cell::Cell;
 use std::sync::{Arc, OnceLock};
+use syntable_bvh::{Hit, Instance, MeshBvh, Ray, SceneBvh};
 use syntable_model::context::Workers;
 use syntable_model::error::Result;
 use syntable_model::scene::Scene;
@@ -213,12 +213,4 @@ fn top_level(scene: &PreparedScene, trees: &[Arc<MeshBvh>], keep: impl Fn(usize)
 fn alpha_random(seed: u32, hit: &Hit) -> f32 {
     let sampler = Sampler { seed, index: hit.primitive };
     sampler.random(hit.instance)
-}
-
-impl Hit {
-    /// The point without its distance along the ray.
-    #[inline(always)]
-    pub(crate) fn point(&self) -> SurfacePoint {
-        SurfacePoint { instance: self.instance, primitive: self.primitive, u: self.u, v: self.v }
-    }
 }

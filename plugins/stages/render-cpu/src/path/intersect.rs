@@ -75,7 +75,6 @@ impl PathTracer<'_> {
             // No other estimate finds light that a camera ray meets, directly or behind panes.
             _ if bounce == 0 => T::splat(1.0),
             Strategy::Combined => power_heuristic(bsdf, emitter),
-            #[cfg(test)]
             Strategy::Bsdf => T::splat(1.0),
             // No other estimate finds light behind a transmitting surface.
             Strategy::Emitters => T::select(bsdf.ge(T::splat(f32::INFINITY)), T::splat(1.0), T::splat(0.0)),

@@ -15,10 +15,10 @@ mod scatter;
 mod start;
 
 use crate::batch::{BATCH, Batch, get};
-use crate::bvh::Ray;
 use crate::world::{Passed, World};
 use cursor::Cursor;
 use parking_lot::Mutex;
+use syntable_bvh::Ray;
 use syntable_model::context::Workers;
 use syntable_model::error::Result;
 use syntable_prepare::SampleOrder;
@@ -29,15 +29,14 @@ use syntable_transport::light::Lights;
 use syntable_transport::path::{ALPHA_OF_BOUNCE, ALPHA_OF_SAMPLE, GUIDE_BOUNCES, TOUCHING};
 use syntable_transport::{PixelSums, RayCamera, Settings};
 
-/// Estimates of direct light; tests compare them.
+/// Estimates of direct light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Strategy {
-    /// Both, combined.
+pub enum Strategy {
+    /// Both, combined by the power heuristic (Veach 1997, section 9.2.4).
     Combined,
     /// Emitter sampling alone.
     Emitters,
     /// BSDF sampling alone.
-    #[cfg(test)]
     Bsdf,
 }
 

@@ -138,7 +138,6 @@ impl PathTracer<'_> {
         let weight = match self.strategy {
             Strategy::Combined => power_heuristic(light.pdf, pdf),
             Strategy::Emitters => T::splat(1.0),
-            #[cfg(test)]
             Strategy::Bsdf => T::splat(0.0),
         };
         let shadow_terminator = shadow_terminator(*face, *normal, shading.perturbed, light.direction);

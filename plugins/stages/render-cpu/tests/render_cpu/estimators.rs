@@ -1,7 +1,6 @@
 //! Sampling lights, sampling the BSDF, and both combined must agree.
 
 use super::support::*;
-use crate::path::Strategy;
 use std::sync::Arc;
 use syntable_model::context::Serial;
 use syntable_model::geometry::{Point3, Vector3};
@@ -10,6 +9,7 @@ use syntable_model::product::standard::RADIANCE;
 use syntable_model::scene::{
     EnvironmentLight, EnvironmentMap, Light, Material, RectLight, Role, Scalar, SphereLight, WindowLight,
 };
+use syntable_render_cpu::Strategy;
 
 /// A corner of a room with a glossy floor, a metal ball, a box, and three large lights, one of them partly inside a
 /// wall. Another light may be a window.
@@ -53,7 +53,7 @@ fn room(has_window: bool) -> (std::sync::Arc<Scene>, View) {
 /// Mean and standard error of every pixel, over images of different seeds.
 fn estimate(has_window: bool, strategy: Strategy, samples: u32, images: u64) -> (Plane<[f32; 3]>, Vec<[f64; 2]>) {
     let (scene, view) = room(has_window);
-    let mut session = crate::CpuPathRenderer::new(options(samples, 3)).session().with_strategy(strategy);
+    let mut session = syntable_render_cpu::CpuPathRenderer::new(options(samples, 3)).session().with_strategy(strategy);
     session.load(&scene, &Serial).expect("loads");
     let mut sums = vec![[0.0_f64; 2]; 24 * 18];
     let mut last = None;

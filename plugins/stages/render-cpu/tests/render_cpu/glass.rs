@@ -1,13 +1,13 @@
 //! Views through glass, and light through panes.
 
 use super::support::*;
-use crate::CpuPathRenderer;
 use std::f64::consts::PI;
 use syntable_model::context::Serial;
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DENOISE_ALBEDO, DENOISE_NORMAL, RADIANCE, RADIANCE_SPECULAR};
 use syntable_model::scene::{Color, Light, Material, RectLight, Role};
+use syntable_render_cpu::CpuPathRenderer;
 use syntable_transport::PathTracing;
 use syntable_transport::PixelFilter;
 

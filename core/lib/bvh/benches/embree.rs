@@ -1,7 +1,7 @@
 //! Compares this crate's tree with Embree 3.13 (Debian: `libembree-dev`), in the same process, with the same rays, in
 //! turns.
 //!
-//! `cargo bench -p syntable-render-cpu --features embree --bench embree [-- REPEATS]`. Times are
+//! `cargo bench -p syntable-bvh --features embree --bench embree [-- REPEATS]`. Times are
 //! CPU time of the tracing threads, medians over the repeats; single-ray calls on both sides.
 
 mod common;
@@ -9,7 +9,7 @@ mod common;
 use std::{ffi::c_void, ptr::null_mut, sync::Arc};
 
 use common::{Class, Object};
-use syntable_render_cpu::bvh::{IDENTITY, Instance, MeshBvh, Ray, SceneBvh};
+use syntable_bvh::{IDENTITY, Instance, MeshBvh, Ray, SceneBvh};
 
 /// Hand-written declarations of the few functions used; layouts as in `rtcore_ray.h`.
 mod ffi {

@@ -20,6 +20,7 @@ mod wide;
 pub use mesh::MeshBvh;
 pub use ray::{Affine, IDENTITY};
 pub use scene::{Instance, SceneBvh};
+use syntable_prepare::SurfacePoint;
 pub use syntable_transport::Ray;
 
 /// Where a ray meets a triangle.
@@ -35,4 +36,12 @@ pub struct Hit {
     pub primitive: u32,
     /// Position of the instance in its scene.
     pub instance: u32,
+}
+
+impl Hit {
+    /// The point without its distance along the ray.
+    #[inline(always)]
+    pub fn point(&self) -> SurfacePoint {
+        SurfacePoint { instance: self.instance, primitive: self.primitive, u: self.u, v: self.v }
+    }
 }

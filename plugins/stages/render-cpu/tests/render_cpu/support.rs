@@ -1,7 +1,5 @@
 //! Small scenes, workers and images for tests.
 
-use crate::cpu_path::CpuPathRenderer;
-use crate::path::Strategy;
 use std::path::PathBuf;
 use std::sync::Arc;
 use syntable_model::context::{Serial, Workers};
@@ -13,6 +11,8 @@ use syntable_model::scene::{
     MassProperties, Material, MaterialOverride, Mesh, MeshData, Moment, Motion, Object, Region, Role, Scalar,
     SettleReport, SourceModel, Support, Transmission, ViewId, Volume,
 };
+use syntable_render_cpu::CpuPathRenderer;
+use syntable_render_cpu::Strategy;
 use syntable_transport::PixelFilter;
 
 use syntable_model::stage::{Bodies, Window};

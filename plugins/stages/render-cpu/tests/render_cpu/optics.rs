@@ -1,12 +1,12 @@
 //! Lenses: depth of field and distortion.
 
 use super::support::*;
-use crate::CpuPathRenderer;
 use syntable_model::context::Serial;
 use syntable_model::geometry::Point3;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, INSTANCE, RADIANCE};
 use syntable_model::scene::{Camera, Color, Distortion, InstanceId, Light, Material, Role, SphereLight, ThinLens};
+use syntable_render_cpu::CpuPathRenderer;
 
 const BARREL: Distortion = Distortion::brown_conrady([-0.25, 0.06, 0.0], [0.002, -0.001]);
 

@@ -30,7 +30,7 @@ fn image(view: &View) -> Window {
 #[test]
 fn the_renderer_conforms() {
     let (scene, view) = busy_scene();
-    let renderer = crate::CpuPathRenderer::new(options(2, 2));
+    let renderer = syntable_render_cpu::CpuPathRenderer::new(options(2, 2));
     let request = RenderRequest::new(&view, &ALL, Stream::root(3), &Serial);
     conformance::renderer(&renderer, &scene, &request, &[&Serial, &Threads(2)]);
 }
@@ -188,7 +188,7 @@ const PLANES: [KeyId; 13] = [
 fn of_objects(scene: &Arc<Scene>, view: &View, wants: &[KeyId], lighting: Lighting) -> (Atlas, Products) {
     let coverage = render(options(1, 1), scene, view, &[COVERAGE.id()]);
     let atlas = Atlas::of(coverage.get(COVERAGE).expect("made"));
-    let mut session = crate::CpuPathRenderer::new(options(4, 3)).session();
+    let mut session = syntable_render_cpu::CpuPathRenderer::new(options(4, 3)).session();
     session.load(scene, &Serial).expect("loads");
     let mut frame = Products::new();
     let request = RenderRequest::new(view, wants, Stream::root(7), &Threads(2)).of_objects(&atlas, lighting);
@@ -207,7 +207,7 @@ fn foreground_and_furniture_are_parts_of_the_image() {
     assert!(!furniture.is_empty());
     for view in [straight, curved] {
         let of = |bodies: Bodies, background: bool| {
-            let mut session = crate::CpuPathRenderer::new(options(4, 3)).session();
+            let mut session = syntable_render_cpu::CpuPathRenderer::new(options(4, 3)).session();
             session.load(&scene, &Serial).expect("loads");
             let request = RenderRequest::new(&view, &PLANES, Stream::root(7), &Threads(2)).of(image(&view), bodies);
             let mut products = Products::new();
@@ -263,7 +263,7 @@ fn a_tile_is_the_window_of_its_object() {
                 Lighting::Alone => Bodies::Only(&ids),
                 Lighting::InScene => Bodies::Seen(&ids),
             };
-            let mut session = crate::CpuPathRenderer::new(options(4, 3)).session();
+            let mut session = syntable_render_cpu::CpuPathRenderer::new(options(4, 3)).session();
             session.load(&scene, &Serial).expect("loads");
             let request = RenderRequest::new(view, &PLANES, Stream::root(7), &Serial).of(tile.window, bodies);
             let (mut shown, mut alone) = (Products::new(), Products::new());
@@ -336,7 +336,7 @@ fn opacity_is_the_share_of_the_pixel_that_a_body_covers() {
 #[test]
 fn a_body_that_is_not_there_is_an_error() {
     let (scene, view) = busy_scene();
-    let mut session = crate::CpuPathRenderer::new(options(1, 1)).session();
+    let mut session = syntable_render_cpu::CpuPathRenderer::new(options(1, 1)).session();
     session.load(&scene, &Serial).expect("loads");
     for id in [0, 5] {
         let request = RenderRequest::new(&view, &PIXELS, Stream::root(1), &Serial);

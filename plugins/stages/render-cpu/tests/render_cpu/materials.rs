@@ -1,8 +1,6 @@
 //! Layers and transmission, compared over whole images.
 
 use super::support::*;
-use crate::CpuPathRenderer;
-use crate::path::Strategy;
 use std::f64::consts::PI;
 use std::sync::Arc;
 use syntable_model::context::Serial;
@@ -14,6 +12,8 @@ use syntable_model::scene::{
     Alpha, Clearcoat, Color, DirectionalLight, DiskLight, EnvironmentLight, EnvironmentMap, Light, Material, RectLight,
     Role, Scalar, Sheen, SphereLight, Volume,
 };
+use syntable_render_cpu::CpuPathRenderer;
+use syntable_render_cpu::Strategy;
 use syntable_transport::PathTracing;
 
 fn mean(frame: &Products) -> f64 {

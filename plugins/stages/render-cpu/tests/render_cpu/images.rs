@@ -1,8 +1,6 @@
 //! Properties of images as a whole.
 
 use super::support::*;
-use crate::CpuPathRenderer;
-use crate::path::Strategy;
 use std::sync::Arc;
 use syntable_model::context::Serial;
 use syntable_model::digest::Digest;
@@ -13,9 +11,11 @@ use syntable_model::scene::{
     Alpha, Color, Encoding, Light, Material, MaterialOverride, MeshData, Moment, NormalMap, Recolor, RectLight, Role,
     Scalar, SphereLight, Texture, TextureMapping, Trajectory, UvTransform, Wrap,
 };
+use syntable_render_cpu::CpuPathRenderer;
+use syntable_render_cpu::Strategy;
 use syntable_transport::PathTracing;
 
-pub(super) fn texture(width: u32, height: u32, encoding: Encoding, f: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Texture> {
+pub fn texture(width: u32, height: u32, encoding: Encoding, f: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Texture> {
     let texels: Vec<u8> =
         (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| f(x, y)).collect();
     let digest = Digest::of(&texels);
@@ -23,7 +23,7 @@ pub(super) fn texture(width: u32, height: u32, encoding: Encoding, f: impl Fn(u3
 }
 
 /// A scene with all features: textures, cut-outs, bumps, metal, smooth meshes, two lights.
-pub(super) fn busy_scene() -> (Arc<Scene>, View) {
+pub fn busy_scene() -> (Arc<Scene>, View) {
     let checks =
         texture(
             16,
@@ -70,7 +70,7 @@ pub(super) fn busy_scene() -> (Arc<Scene>, View) {
     (scene, view(45, 37, 40.0, [0.7, -1.2, 1.0], [0.0, 0.1, 0.15], vec![Light::Rect(panel), Light::Sphere(globe)]))
 }
 
-pub(super) const ALL: [KeyId; 13] = [
+pub const ALL: [KeyId; 13] = [
     RADIANCE.id(),
     DEPTH.id(),
     INSTANCE.id(),
@@ -86,7 +86,7 @@ pub(super) const ALL: [KeyId; 13] = [
     RENDER_REPORT.id(),
 ];
 
-pub(super) fn bits(plane: &Plane<[f32; 3]>) -> Vec<[u32; 3]> {
+pub fn bits(plane: &Plane<[f32; 3]>) -> Vec<[u32; 3]> {
     plane.data().iter().map(|p| p.map(f32::to_bits)).collect()
 }
 
@@ -142,7 +142,7 @@ fn any_number_of_workers_gives_the_same_bits() {
 fn any_number_of_lanes_gives_the_same_bits() {
     let (scene, view) = busy_scene();
     let many = render(options(5, 4), &scene, &view, &[RADIANCE.id()]);
-    let mut session = crate::CpuPathRenderer::new(options(5, 4)).session().portable();
+    let mut session = syntable_render_cpu::CpuPathRenderer::new(options(5, 4)).session().portable();
     session.load(&scene, &Serial).expect("loads");
     let mut one = Products::new();
     let request = RenderRequest::new(&view, &LIGHT, Stream::root(7), &Serial);
@@ -165,7 +165,7 @@ fn exactly_what_is_wanted_is_made_and_does_not_depend_on_the_rest() {
 #[test]
 fn the_seed_matters_and_sessions_can_be_used_again() {
     let (scene, view) = busy_scene();
-    let mut session = crate::CpuPathRenderer::new(options(2, 2)).session();
+    let mut session = syntable_render_cpu::CpuPathRenderer::new(options(2, 2)).session();
     let mut image = |seed: u64| {
         session.load(&scene, &Serial).expect("loads");
         let mut frame = Products::new();
@@ -181,7 +181,7 @@ fn the_seed_matters_and_sessions_can_be_used_again() {
 #[test]
 fn a_session_without_a_scene_says_so() {
     let (_, view) = busy_scene();
-    let mut session = crate::CpuPathRenderer::new(options(1, 1)).session();
+    let mut session = syntable_render_cpu::CpuPathRenderer::new(options(1, 1)).session();
     for want in ALL {
         let wants = [want];
         let request = RenderRequest::new(&view, &wants, Stream::root(1), &Serial);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use syntable_render_cpu::bvh::{Affine, IDENTITY, Instance, MeshBvh, Ray, SceneBvh};
+use syntable_bvh::{Affine, IDENTITY, Instance, MeshBvh, Ray, SceneBvh};
 
 /// SplitMix64: small, and the same on every machine.
 pub struct Random(pub u64);

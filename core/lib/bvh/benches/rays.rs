@@ -1,9 +1,9 @@
-//! Speed of the tree by class of rays: `cargo bench -p syntable-render-cpu --bench rays`.
+//! Speed of the tree by class of rays: `cargo bench -p syntable-bvh --bench rays`.
 
 mod common;
 
 use std::thread;
-use syntable_render_cpu::bvh::MeshBvh;
+use syntable_bvh::MeshBvh;
 use syntable_testing::figures::Figures;
 
 fn main() {

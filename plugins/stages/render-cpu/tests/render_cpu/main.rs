@@ -1,5 +1,6 @@
-//! Whole images, compared with closed forms or brute force.
+//! Whole images, compared with closed forms or brute force, and the choice of a renderer.
 
+mod auto;
 mod components;
 mod estimators;
 mod glass;
