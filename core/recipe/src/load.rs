@@ -6,7 +6,6 @@ use crate::merge::graph::{self, Damage};
 use crate::merge::overrides::Overrides;
 use crate::merge::renamed::{RENAMED, RenamedNames};
 use crate::merge::variables::{self, PathRules};
-use crate::plan::Plan;
 use crate::plan::of_tables::part;
 use crate::recipe::Recipe;
 use crate::schema::kinds::Schemas;
