@@ -674,7 +674,7 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
         ),
         (
             "place.objects={ kind = \"listed\", from = \"objects\", poses = [{ asset = \"spoon_0\", position_m = [0, 0, 1] }] }",
-            vec!["place.objects: pose 0: the listed object `spoon_0` is in none of `objects`"],
+            vec!["place.listed: pose 0: the listed object `spoon_0` is in none of `objects`"],
         ),
         ("write.t={ kind = \"template\", template = { file = \"no/such.tera\" } }", vec!["write.t", "no/such.tera"]),
         (&broken, vec!["write.t", "broken.tera:2"]),
