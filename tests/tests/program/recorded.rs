@@ -212,7 +212,7 @@ fn what_cannot_be_rebuilt_is_refused_with_a_way_out() {
     assert!(said.contains("from its pose in `") && said.contains("per = \"image\""), "{said}");
     let said = run("scenes", [1, 2], &format!("{}\nscenes = [7]", of(&jsonl)), &[]);
     assert!(said.contains("`scenes` names scene 7") && said.contains("its first scenes are 0, 1"), "{said}");
-    let empty = folder.path().join("empty");
+    let empty = folder.path().join("nothing");
     std::fs::create_dir(&empty).expect("made");
     let said = run("empty", [1, 2], &of(&empty), &[]);
     assert!(said.contains("place.recorded: ") && said.contains("unrecognized dataset format"), "{said}");
