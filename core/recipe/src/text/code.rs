@@ -198,7 +198,8 @@ codes! {
     Placers = "D0026", "steps of [[place]] do not go together",
         "A scene has supports, such as the tabletop that `table` sets, each with its own name, and one floor, which `room` \
          or `ground` sets. A step sets a part that another step has set, or needs a part that no earlier step sets, or no step places \
-         objects that are annotated. Or a stage names a support that no step sets. Steps run in the order of the recipe.",
+         objects that are annotated. Or a stage names a support that no step sets, or a light needs walls \
+         that no step sets. Steps run in the order of the recipe.",
         "Remove one of two steps that set the same, or put the step that sets the part before those that need it. \
          Without objects, add a `drop_box`. Correct the name of a support: the message lists those that exist.";
     /// Few samples without a denoiser. A warning.
