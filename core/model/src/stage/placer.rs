@@ -29,7 +29,7 @@ pub trait Placer: Send + Sync {
         Vec::new()
     }
     /// Finds mistakes that would end a run: files that are missing or no such files, names of assets that `assets` does not have.
-    /// `check` and runs call it before the first scene. What it reads, it may keep for [`place`](Self::place).
+    /// `check` and runs call it before the first scene. It may keep the files that it reads for [`place`](Self::place).
     ///
     /// # Errors
     /// With the first mistake.
