@@ -28,8 +28,9 @@ pub trait Placer: Send + Sync {
     fn own_objects(&self) -> Vec<CatalogEntry> {
         Vec::new()
     }
-    /// Finds mistakes that would end a run: files that are missing or no such files, names of assets that `assets` does not have.
-    /// `check` and runs call it before the first scene. It may keep the files that it reads for [`place`](Self::place).
+    /// Finds mistakes that would end a run: files that are missing or cannot be read, names of assets that no pool has.
+    /// `check`, previews and runs call it before the first scene, with the open pools as `assets`. It may keep the files that it
+    /// reads for [`place`](Self::place).
     ///
     /// # Errors
     /// With the first mistake.

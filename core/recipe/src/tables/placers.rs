@@ -42,7 +42,7 @@ pub(crate) fn check(built: &Built) -> Vec<DiagnosticBuilder> {
         return diagnostics;
     }
     diagnostics.extend(unmet_needs(&steps));
-    diagnostics.extend(unmet_by_views(&steps, &built.stages));
+    diagnostics.extend(unmet_by_stages(&steps, &built.stages));
     diagnostics.extend(unknown_supports(&steps, &built.stages));
     diagnostics.extend(lost_sizes(&steps, &built.stages));
     match steps.last() {
@@ -228,7 +228,7 @@ fn unmet(step: &Step, part: &Part, later: Option<&BuiltStage>, steps: &[Step]) -
 }
 
 /// Views, cameras, lights and sensors that need a part which no step sets in every scene.
-fn unmet_by_views(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilder> {
+fn unmet_by_stages(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilder> {
     if steps.iter().any(|step| !step.is_declared) {
         return Vec::new();
     }

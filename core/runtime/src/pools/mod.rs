@@ -11,7 +11,7 @@ mod numbers;
 mod open;
 mod open_pool;
 
-use crate::run::panics::unwound;
+use crate::run::panics::{caught, unwound};
 pub use listing::{Chance, ListedAsset};
 use loaded::InUse;
 pub use loaded::Loaded;
@@ -85,15 +85,17 @@ impl<'a> AssetStore<'a> {
         Ok(Self { components, locked: recipe.lock.assets.clone(), ..store })
     }
 
-    /// Opens all pools, and lets the steps of `[[place]]` find mistakes in their files and in the names of assets that they state.
+    /// Opens all pools, and lets each step of `[[place]]` find its mistakes ([`Placer::ready`](syntable_model::stage::Placer::ready)).
+    ///
+    /// # Errors
+    /// If a pool cannot be opened, or with the first mistake of a step, which names its table.
     pub fn open_for_run(recipe: &'a Recipe, log: &'a dyn Log) -> Result<Self> {
         let store = Self::open(recipe, log)?;
         for (_, component) in recipe.components.weights().filter(|(weight, _)| *weight > 0.0) {
             let assets = RecordingAssets::new(&store, &component.pools);
             for (id, placers) in &component.place {
                 let table = component.table(&Slot::Place.stage_name(id));
-                let in_table = |error: Error| error.context(&table);
-                placers.all().try_for_each(|placer| placer.ready(&assets, log).map_err(in_table))?;
+                placers.all().try_for_each(|placer| caught(&table, || placer.ready(&assets, log)))?;
             }
         }
         Ok(store)
