@@ -339,14 +339,7 @@ impl<'a> Undrawn<'a> {
         let last = self.groups.len().checked_sub(1)?;
         let mut chosen = last;
         if last > 0 {
-            let total: f64 = self.groups.iter().map(|(weight, _)| weight).sum();
-            let mut at = stream.uniform(0.0, total);
-            let below = |(weight, _): &(f64, _)| {
-                at -= weight;
-                at < 0.0
-            };
-            // Rounding can leave no group below the total.
-            chosen = self.groups.iter().position(below).unwrap_or(last);
+            chosen = stream.pick_by_weight(self.groups.iter().map(|(weight, _)| *weight)).unwrap_or(last);
         }
         let group = &mut self.groups[chosen].1;
         let (pool, entry) = group.swap_remove(stream.below(group.len() as u64) as usize);

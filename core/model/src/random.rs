@@ -118,6 +118,22 @@ impl Stream {
         items.get(self.below(items.len() as u64) as usize)
     }
 
+    /// The place of one of several weights, in proportion to them; none without a weight above 0. Weights are at least 0.
+    pub fn pick_by_weight(&mut self, weights: impl IntoIterator<Item = f64, IntoIter: Clone>) -> Option<usize> {
+        let weights = weights.into_iter();
+        let mut at = self.uniform(0.0, weights.clone().sum());
+        let mut last = None;
+        for (place, weight) in weights.enumerate().filter(|(_, weight)| *weight > 0.0) {
+            at -= weight;
+            last = Some(place);
+            if at < 0.0 {
+                break;
+            }
+        }
+        // Rounding can leave no weight below the total.
+        last
+    }
+
     /// Puts items in a uniformly random order (Fisher and Yates).
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for i in (1..items.len()).rev() {
@@ -197,6 +213,22 @@ mod tests {
         // χ² with 4 degrees of freedom: 23.5 is the 1e-4 tail.
         let chi2: f64 = counts.iter().map(|&n| f64::from(n - 10_000).powi(2) / 10_000.0).sum();
         assert!(chi2 < 23.5, "{counts:?}");
+    }
+
+    #[test]
+    fn places_are_drawn_by_weight() {
+        let (mut stream, weights) = (Stream::root(4), [0.0, 1.0, 0.0, 2.5, 0.5, 0.0]);
+        let mut counts = [0_i32; 6];
+        for _ in 0..40_000 {
+            counts[stream.pick_by_weight(weights).expect("weights above 0")] += 1;
+        }
+        assert_eq!([counts[0], counts[2], counts[5]], [0; 3]);
+        // χ² with 2 degrees of freedom: 18.4 is the 1e-4 tail.
+        let expected = weights.map(|weight| 10_000.0 * weight);
+        let chi2: f64 = [1, 3, 4].map(|i| (f64::from(counts[i]) - expected[i]).powi(2) / expected[i]).iter().sum();
+        assert!(chi2 < 18.4, "{counts:?}");
+        assert_eq!(stream.pick_by_weight([]), None);
+        assert_eq!(stream.pick_by_weight([0.0, 0.0]), None);
     }
 
     #[test]

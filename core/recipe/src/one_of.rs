@@ -58,15 +58,8 @@ impl<T: ?Sized> OneOf<T> {
         if let [(_, only)] = self.0.as_slice() {
             return Chosen { stage: &**only, stream, alternative: None };
         }
-        let total: f64 = self.0.iter().map(|(weight, _)| weight).sum();
-        let mut at = stream.child("one_of").uniform(0.0, total);
-        let drawn = self.0.iter().position(|(weight, _)| {
-            at -= weight;
-            at < 0.0
-        });
-        // Rounding can leave no alternative below the total.
-        let last = || self.0.iter().rposition(|(weight, _)| *weight > 0.0).unwrap_or_default();
-        let index = drawn.unwrap_or_else(last);
+        let weights = self.0.iter().map(|(weight, _)| *weight);
+        let index = stream.child("one_of").pick_by_weight(weights).unwrap_or_default();
         let stream = stream.child("alternative").at(index as u64);
         Chosen { stage: &*self.0[index].1, stream, alternative: Some(index as u32) }
     }

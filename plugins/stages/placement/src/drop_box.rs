@@ -201,17 +201,12 @@ impl Placer for DropBox {
         if let Some(error) = last.filter(|_| spaces.is_empty()) {
             return Err(error);
         }
-        let total: f64 = spaces.iter().map(StartBox::area).sum();
         for k in 0..drawn.count() {
             let object = drawn.object(k)?;
             let (asset, stream) = (&object.asset, &object.stream);
-            let mut at = if spaces.len() > 1 { stream.child("support").uniform(0.0, total) } else { 0.0 };
-            let number = spaces.iter().position(|space| {
-                at -= space.area();
-                at < 0.0
-            });
-            let number = number.unwrap_or(spaces.len() - 1);
-            let space = &mut spaces[number];
+            let number = stream.child("support").pick_by_weight(spaces.iter().map(StartBox::area));
+            let last = spaces.len() - 1;
+            let space = &mut spaces[number.unwrap_or(last)];
             let rotation = self.rotation(&object.object, &stream.child("rotation"), context);
             let pose = if self.overlap_free && self.fill_level.is_none() {
                 self.free_pose(&object.object, rotation, space, &mut taken, &stream.child("place")).map_err(

@@ -174,18 +174,12 @@ impl Furnishings {
         taken: &[OrientedBox],
         stream: &Stream,
     ) -> Option<Pose> {
-        let total: f64 = walls.iter().map(|wall| wall.length).sum();
         let [mut places, mut heights, mut gaps, mut yaws] =
             ["place", "height", "wall gap", "yaw"].map(|name| stream.child(name));
         let keep_clear = main.map(|region| region.grown(self.clear_m));
         let mesh = object.mesh.bounds();
         (0..self.max_tries).find_map(|_| {
-            let mut along = places.uniform(0.0, total);
-            let drawn = walls.iter().find(|wall| {
-                along -= wall.length;
-                along < 0.0
-            });
-            let wall = drawn.or(walls.last())?;
+            let wall = &walls[places.pick_by_weight(walls.iter().map(|wall| wall.length))?];
             let yaw = wall.yaw + self.yaw_deg.draw(&mut yaws).to_radians();
             let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
             // In the frame of the wall, x runs along it and y into it.

@@ -132,12 +132,8 @@ impl Poses {
         match self {
             Self::One(pose) => *pose,
             Self::Weighted(weights) => {
-                let mut at = stream.uniform(0.0, weights.values().sum());
-                let drawn = weights.iter().filter(|(_, weight)| **weight > 0.0).find(|(_, weight)| {
-                    at -= **weight;
-                    at < 0.0
-                });
-                drawn.or_else(|| weights.last_key_value()).map_or(RestingPose::Upright, |(pose, _)| *pose)
+                let drawn = stream.pick_by_weight(weights.values().copied());
+                drawn.and_then(|place| weights.keys().nth(place)).copied().unwrap_or(RestingPose::Upright)
             }
         }
     }

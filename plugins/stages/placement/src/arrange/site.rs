@@ -66,12 +66,7 @@ impl Sites {
     /// Draws a support by its area.
     pub fn draw(&self, stream: &mut Stream) -> usize {
         let area = |site: &Site| site.area.edges().iter().product::<f64>();
-        let mut at = stream.uniform(0.0, self.sites.iter().map(area).sum());
-        let found = self.sites.iter().position(|site| {
-            at -= area(site);
-            at < 0.0
-        });
-        found.unwrap_or(self.sites.len() - 1)
+        stream.pick_by_weight(self.sites.iter().map(area)).unwrap_or(self.sites.len() - 1)
     }
 
     /// Puts an item down with its center at distances from the center of a support along its edges, at least `gap` meters from other
