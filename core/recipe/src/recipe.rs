@@ -10,6 +10,7 @@ use crate::tables::dataset::{Dataset, Lock};
 use crate::tables::pool::Pool;
 use crate::writer_paths::{bad_paths, unready};
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_model::check::LabelCheck;
@@ -163,7 +164,11 @@ impl Recipe {
     fn digests_with(&self, companions: &BTreeMap<PathBuf, BTreeSet<PathBuf>>) -> Result<BTreeMap<String, String>> {
         let digest = |(option, path): &(String, PathBuf)| {
             let digest = if path.is_dir() { listing(path) } else { digest_of(path, companions.get(path)) };
-            Ok((option.clone(), digest.map_err(|error| error.context(option))?.to_string()))
+            let in_option = |error: Error| match error.io_kind() {
+                Some(ErrorKind::NotFound) => error.of_request().context(option),
+                _ => error.context(option),
+            };
+            Ok((option.clone(), digest.map_err(in_option)?.to_string()))
         };
         self.files.iter().map(digest).collect()
     }

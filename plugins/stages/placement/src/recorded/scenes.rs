@@ -59,7 +59,7 @@ impl RecordedScenes {
     /// If it cannot be read, has no poses, or the selection is empty.
     pub fn open(path: &Path, format: Option<&str>, selection: &Selection) -> Result<Self> {
         let registry = Registry::linked().map_err(Error::new)?;
-        let (format, dataset) = registry.open_dataset(&Source::at_name(path, None)?, format)?;
+        let (format, dataset) = registry.open_dataset(&Source::at_name(path, None)?, format).map_err(with_option)?;
         for key in [CAMERA.id(), OBJECT_INFO.id()] {
             if !dataset.offers.contains(&key) {
                 let message = format!("the dataset has no `{key}`, which states the poses to rebuild");
@@ -198,6 +198,14 @@ fn scene_numbers(dataset: &OpenDataset) -> Vec<u32> {
     let mut numbers: Vec<u32> = dataset.images.iter().map(|image| image.scene.0).collect();
     numbers.dedup();
     numbers
+}
+
+/// The error with this step's name of the option, instead of the verbs' name.
+fn with_option(error: Error) -> Error {
+    match error.help_text().map(|help| help.replace("`options.format`", "`format`")) {
+        Some(help) => error.help(help),
+        None => error,
+    }
 }
 
 fn has_scene(dataset: &OpenDataset, number: u32) -> bool {
