@@ -86,6 +86,7 @@ pub mod intern;
 pub mod left_out;
 pub mod length_unit;
 pub mod limits;
+pub mod linked;
 pub mod mirror;
 pub mod names;
 pub mod natural;

@@ -7,6 +7,7 @@ use crate::check::{LabelCheck, LabelFault};
 use crate::error::{Error, Result};
 use crate::files::{DatasetFolder, Reach};
 use crate::left_out::LeftOut;
+use crate::linked::Linked;
 use crate::mirror::Mirror;
 use crate::panics::guarded;
 use crate::product::standard::RGB_FILE;
@@ -109,7 +110,7 @@ pub struct Format {
     pub crate_name: &'static str,
 }
 
-inventory::collect!(Format);
+inventory::collect!(Linked<Format>);
 
 impl Format {
     /// A format whose datasets have a layout of their own. [`register_format!`](crate::register_format) names the crate.
@@ -177,9 +178,7 @@ impl DatasetFormat for Format {
 #[macro_export]
 macro_rules! register_format {
     ($($format:expr),+ $(,)?) => {$(
-        $crate::inventory::submit! {
-            $crate::reader::Format { crate_name: env!("CARGO_PKG_NAME"), ..$format }
-        }
+        $crate::link!($crate::reader::Format { crate_name: env!("CARGO_PKG_NAME"), ..$format });
     )+};
 }
 

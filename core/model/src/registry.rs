@@ -7,6 +7,7 @@
 use crate::check::{Check, LabelCheck};
 use crate::error::ConfigError;
 use crate::intern::intern;
+use crate::linked::Linked;
 use crate::reader::{DatasetFormat, Format};
 use crate::stage::{
     AssetSource, CameraModel, DatasetAnnotator, Denoiser, FrameAnnotator, ImageAnnotator, LightSampler, Placer,
@@ -449,7 +450,7 @@ fn construct<C: Config>(table: RecipeValue<'_>) -> Result<Constructed, Construct
     Ok(Constructed { stage, options })
 }
 
-inventory::collect!(Entry);
+inventory::collect!(Linked<Entry>);
 
 /// All that crates add to a program: kinds of stages, checks of labels, and formats of datasets.
 #[derive(Clone, Default)]
@@ -467,10 +468,10 @@ impl Registry {
     /// If two crates register one name.
     pub fn linked() -> Result<Self, String> {
         let stock = inventory::iter::<StockCrates>.into_iter().flat_map(|crates| crates.0).copied();
-        Self::new(inventory::iter::<Entry>.into_iter().cloned())?
+        Self::new(Linked::<Entry>::rows().cloned())?
             .with_stock(stock)
             .with_checks(inventory::iter::<Check>.into_iter().map(|check| Arc::new(*check) as _))?
-            .with_formats(inventory::iter::<Format>.into_iter().map(|format| Arc::new(*format) as _))
+            .with_formats(Linked::<Format>::rows().map(|format| Arc::new(*format) as _))
     }
 
     /// A registry of some kinds, without checks and formats.
@@ -613,8 +614,6 @@ macro_rules! config {
 #[macro_export]
 macro_rules! register {
     ($($config:ty),+ $(,)?) => {$(
-        $crate::inventory::submit! {
-            $crate::registry::Entry::of::<$config>(env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"))
-        }
+        $crate::link!($crate::registry::Entry::of::<$config>(env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION")));
     )+};
 }
