@@ -70,9 +70,6 @@ pub struct ProceduralFurniture {
     seed: u64,
 }
 
-/// A lower space carries no objects, meters.
-const MIN_CLEAR_M: f64 = 0.02;
-
 const WIDTH_M: [f64; 2] = [0.2, 5.0];
 const DEPTH_M: [f64; 2] = [0.1, 2.0];
 const BOARDS: [i64; 2] = [1, 12];
@@ -246,12 +243,10 @@ impl<'c> Builder<'c> {
             }
             let is_top = number + 1 == heights.len();
             let surface = Region::rectangle([0.0, 0.0, z + 0.006], [width, depth]);
-            // Objects do not reach under the lip of the next shelf.
-            let clear_height_m = (!is_top).then_some(clear - lip);
-            if clear_height_m.is_none_or(|clear| clear > MIN_CLEAR_M) {
-                areas.push(SupportArea { surface, clear_height_m, walls: None });
-            }
-            z += 0.006 + if is_top { 0.0 } else { *clear };
+            let clear_height_m = (!is_top).then_some(*clear);
+            areas.push(SupportArea { surface, clear_height_m, walls: None });
+            // The lip of the next board is above the clear height.
+            z += if is_top { 0.006 } else { clear + lip };
         }
         for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
             let [x0, x1] = [a, a + post].map(|at| x * at);

@@ -1,6 +1,7 @@
 //! Photographs that prints show crops of.
 
 use super::color::SrgbColor;
+use syntable_model::product::Plane;
 
 /// Longest edge at which a photograph is kept, texels: prints show crops of a few hundred.
 const LONGEST: usize = 640;
@@ -14,8 +15,9 @@ pub struct Photograph {
 }
 
 impl Photograph {
-    /// A photograph of RGBA texels, row 0 at the top. An image longer than 640 texels is downsampled by box averaging.
-    pub fn of_rgba(width: usize, height: usize, rgba: &[u8]) -> Self {
+    /// A photograph of an sRGB image. An image longer than 640 texels is downsampled by box averaging.
+    pub fn of(image: &Plane<[u8; 3]>) -> Self {
+        let (width, height) = (image.width() as usize, image.height() as usize);
         let step = width.max(height).div_ceil(LONGEST).max(1);
         let (columns, rows) = ((width / step).max(1), (height / step).max(1));
         let mut texels = Vec::with_capacity(columns * rows);
@@ -24,7 +26,7 @@ impl Photograph {
                 let (mut sum, mut count) = ([0_u32; 3], 0);
                 for y in row * step..((row + 1) * step).min(height) {
                     for x in column * step..((column + 1) * step).min(width) {
-                        let texel = &rgba[4 * (y * width + x)..][..3];
+                        let texel = image.at(x as u32, y as u32);
                         sum.iter_mut().zip(texel).for_each(|(sum, byte)| *sum += u32::from(*byte));
                         count += 1;
                     }
@@ -61,16 +63,15 @@ mod tests {
 
     #[test]
     fn large_photographs_are_averaged() {
-        let texels: Vec<u8> =
-            (0..1280 * 4).flat_map(|i| if i % 2 == 0 { [0, 100, 255, 9] } else { [200; 4] }).collect();
-        let photograph = Photograph::of_rgba(1280, 4, &texels);
+        let image = Plane::from_fn(1280, 4, |x, _| if x % 2 == 0 { [0, 100, 255] } else { [200; 3] });
+        let photograph = Photograph::of(&image);
         assert_eq!((photograph.width, photograph.height), (640, 2));
         assert!(photograph.texels.iter().all(|texel| *texel == [100, 150, 228]), "{:?}", photograph.texels[0]);
     }
 
     #[test]
     fn samples_meet_texels_at_their_centers() {
-        let photograph = Photograph::of_rgba(2, 1, &[0, 0, 0, 255, 255, 255, 255, 255]);
+        let photograph = Photograph::of(&Plane::from_vec(2, 1, vec![[0; 3], [255; 3]]));
         assert_eq!(photograph.sample(0.25, 0.5), [0.0; 3]);
         assert_eq!(photograph.sample(0.5, 0.5), [0.5; 3]);
         assert_eq!((photograph.sample(1.0, 0.0), photograph.aspect()), ([1.0; 3], 2.0));

@@ -419,7 +419,9 @@ fn options_set_the_inside_of_containers() {
     for object in shelves {
         assert_eq!(object.support_areas.len(), 4, "{}", object.name);
         assert_eq!(object.support_areas[0].surface.edges()[0], 0.8);
-        assert!(object.category == "rack" || object.support_areas.iter().all(|area| area.clear_height_m == Some(0.3)));
+        let clear: Vec<Option<f64>> = object.support_areas.iter().map(|area| area.clear_height_m).collect();
+        let top = (object.category == "shelf").then_some(0.3);
+        assert_eq!(clear, [Some(0.3), Some(0.3), Some(0.3), top], "{}", object.name);
     }
 }
 

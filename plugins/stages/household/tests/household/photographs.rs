@@ -1,28 +1,17 @@
 //! Photographs as print: they replace illustrations and nothing else.
 
 use std::path::Path;
+use syntable_formats::encode::jpeg;
 use syntable_household as _;
-use syntable_mesh::format::{ImageDecoder, ImageFormat};
-use syntable_mesh::image::{DecodedImage, MAX_SIDE};
-use syntable_mesh::limits::Budget;
-use syntable_mesh::register_image_format;
 use syntable_model::context::Collected;
 use syntable_model::prelude::*;
+use syntable_model::product::Plane;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::Object;
 
-// The decoders of PNG and JPEG are in another crate. Here a file is a word, and its image is magenta.
-register_image_format!(ImageFormat::new(
-    "magenta",
-    &["png"],
-    |bytes| bytes.starts_with(b"magenta"),
-    ImageDecoder::Texture(decode)
-));
-
-fn decode(_: &[u8], budget: &Budget) -> Result<DecodedImage> {
-    let (width, height) = (3, 2);
-    budget.image(width.into(), height.into(), MAX_SIDE)?;
-    Ok(DecodedImage { width, height, texels: [255, 0, 255, 255].repeat(6), kind: "magenta".to_owned() })
+/// A file of a magenta image.
+fn magenta() -> Vec<u8> {
+    jpeg::encode(&Plane::from_fn(3, 2, |_, _| [255, 0, 255]), 95).expect("an image")
 }
 
 const FAMILIES: &str = "families = [\"book\", \"box\", \"magazine\", \"mug\"]\nvariants_per_family = 6\n";
@@ -56,7 +45,8 @@ fn texels(object: &Object) -> Vec<u8> {
 #[test]
 fn photographs_replace_illustrations_alone() {
     let folder = tempfile::tempdir().expect("a folder");
-    for (name, content) in [("a.png", "magenta"), ("b.png", "damaged"), ("notes.txt", "no photograph")] {
+    let files = [("a.jpg", magenta()), ("b.png", b"damaged".to_vec()), ("notes.txt", b"no photograph".to_vec())];
+    for (name, content) in files {
         std::fs::write(folder.path().join(name), content).expect("written");
     }
     let (plain, source) = (source(FAMILIES), with_photographs(folder.path()));
@@ -103,7 +93,7 @@ fn folders_without_photographs_are_refused() {
 #[test]
 fn wall_art_shows_photographs() {
     let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join("a.png"), "magenta").expect("written");
+    std::fs::write(folder.path().join("a.jpg"), magenta()).expect("written");
     let options = "families = [\"wall_art\"]\nvariants_per_family = 8\n";
     let source = source_of("procedural_interior", &format!("{options}photographs = '{}'", folder.path().display()));
     assert_eq!(source.license(), None);
