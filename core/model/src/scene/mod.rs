@@ -51,7 +51,7 @@ pub use texture::{Encoding, Texture, TextureRef, UvTransform, Wrap};
 pub use topology::{Topology, weld};
 
 use crate::error::{Error, Result};
-use crate::geometry::{Aabb, Pose};
+use crate::geometry::{Aabb, Point3, Pose, Vector3, space_around};
 use crate::names::SupportName;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -215,6 +215,13 @@ impl SceneBuilder {
         parts.filter(above).map(|bounds| bounds.min.z).reduce(f64::min)
     }
 
+    /// The inside of the room around a place, such as the center of a support; infinite in directions without a wall, floor or
+    /// ceiling.
+    pub fn room_around(&self, place: &Point3<f64>) -> Aabb {
+        let parts = self.bodies().filter(|(_, body)| body.role == Role::Room);
+        space_around(&above(place), parts.map(|(_, body)| body.world_bounds()))
+    }
+
     /// Whether a part of the room is below the center of a support.
     pub fn has_floor(&self, support: &Support) -> bool {
         let center = support.center();
@@ -307,6 +314,11 @@ pub struct Scene {
     pub settle: SettleReport,
 }
 
+/// A point of the room just above a place: a support on the floor lies in the plane where the walls end.
+fn above(place: &Point3<f64>) -> Point3<f64> {
+    place + Vector3::z() * 0.01
+}
+
 impl Scene {
     /// All bodies; body `i` has the instance id `i + 1`. Objects come first.
     pub fn bodies(&self) -> &[Body] {
@@ -336,6 +348,12 @@ impl Scene {
     /// See [`Supports::get`].
     pub fn support(&self, name: Option<&SupportName>) -> Result<&Support> {
         self.supports.get(name)
+    }
+
+    /// The inside of the room around a place, as [`SceneBuilder::room_around`].
+    pub fn room_around(&self, place: &Point3<f64>) -> Aabb {
+        let parts = self.bodies.iter().filter(|body| body.role == Role::Room);
+        space_around(&above(place), parts.map(|body| body.world_bounds()))
     }
 
     /// The cameras of the recorded scene that it rebuilds, in the order of its images: at least one.

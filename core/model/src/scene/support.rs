@@ -212,7 +212,12 @@ impl Support {
 /// recipe names none.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 #[serde(transparent)]
-pub struct Supports(Vec<Support>);
+pub struct Supports {
+    all: Vec<Support>,
+    /// Names that only some scenes have, see [`may_add`](Supports::may_add).
+    #[serde(skip)]
+    by_chance: Vec<Arc<str>>,
+}
 
 impl Supports {
     /// Adds a support.
@@ -234,25 +239,32 @@ impl Supports {
         {
             return Err(Error::new(format!("the walls of the support `{name}` have no size: {walls:?}")));
         }
-        self.0.push(support);
+        self.all.push(support);
         Ok(())
+    }
+
+    /// States that random numbers decide whether the scene has supports of a name. If it has none, [`get`](Self::get) and
+    /// [`group`](Self::group) fail by chance, and the scene is tried again.
+    pub fn may_add(&mut self, name: impl Into<Arc<str>>) {
+        self.by_chance.push(name.into());
     }
 
     /// All of them, the main one first.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &Support> {
-        self.0.iter()
+        self.all.iter()
     }
 
     /// The first support.
     pub fn main(&self) -> Option<&Support> {
-        self.0.first()
+        self.all.first()
     }
 
     /// The support that a recipe names, or the main one if it names none. The name of a [group](Self::group) means its first
     /// member.
     ///
     /// # Errors
-    /// If the scene has no such support. The error is permanent and lists the supports.
+    /// If the scene has no such support. The error is permanent, unless the scene [may have](Self::may_add) one, and lists the
+    /// supports.
     pub fn get(&self, name: Option<&SupportName>) -> Result<&Support> {
         self.group(name).map(|group| group[0])
     }
@@ -270,8 +282,10 @@ impl Supports {
             },
             None => self.main().into_iter().collect(),
         };
-        let found = Some(found).filter(|found| !found.is_empty());
-        found.ok_or_else(|| match (name, self.0.is_empty()) {
+        if !found.is_empty() {
+            return Ok(found);
+        }
+        let error = match (name, self.all.is_empty()) {
             (Some(name), false) => {
                 let names: Vec<String> = self.iter().map(|support| format!("`{}`", support.name)).collect();
                 let error = Error::new(format!("the scene has no support `{}`", name.as_str()));
@@ -281,7 +295,11 @@ impl Supports {
                 let error = Error::new("the scene has no support: no placer has set a surface for objects");
                 error.help("place a table first: [[place]] kind = \"table\"; or give a `room` a `support`")
             }
-        })
+        };
+        // A recipe may name a group, or a member of it.
+        let may_be =
+            |it: &Arc<str>| name.is_none_or(|name| is_in_group(it, name.as_str()) || is_in_group(name.as_str(), it));
+        Err(if self.by_chance.iter().any(may_be) { error.by_chance() } else { error })
     }
 }
 
@@ -293,7 +311,7 @@ pub fn is_in_group(support: &str, name: &str) -> bool {
 /// A scene's only support.
 impl From<Support> for Supports {
     fn from(support: Support) -> Self {
-        Self(vec![support])
+        Self { all: vec![support], ..Self::default() }
     }
 }
 
@@ -360,6 +378,23 @@ mod tests {
         shelf.add(Support::new("bins", Region::rectangle([0.0; 3], [1.0, 1.0]))).expect("new");
         let group = shelf.group(Some(&"bins".into())).expect("there");
         assert_eq!(group.iter().map(|support| &*support.name).collect::<Vec<_>>(), ["bins"]);
+    }
+
+    #[test]
+    fn supports_that_only_some_scenes_have_are_missing_by_chance() {
+        let is_unlucky = |supports: &Supports, name: Option<&str>| {
+            let name = name.map(SupportName::from);
+            supports.get(name.as_ref()).expect_err("missing").is_unlucky()
+        };
+        let mut supports = Supports::default();
+        assert!(!is_unlucky(&supports, None) && !is_unlucky(&supports, Some("rack")));
+        supports.may_add("rack");
+        assert!(
+            is_unlucky(&supports, None) && is_unlucky(&supports, Some("rack")) && is_unlucky(&supports, Some("rack/1"))
+        );
+        assert!(!is_unlucky(&supports, Some("racks")));
+        supports.add(Support::new("table", Region::rectangle([0.0; 3], [1.0, 1.0]))).expect("new");
+        assert!(is_unlucky(&supports, Some("rack")) && supports.get(None).is_ok());
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::oriented_box::OrientedBox;
 use crate::variation::{ColorChange, FinishChange, SCALE, Variation, resized};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
-use syntable_model::geometry::{Aabb, UnitQuaternion, Vector3, space_around};
+use syntable_model::geometry::{Aabb, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{AssetRef, BodyDraft, Motion, Object, Region, Role};
 
@@ -115,8 +115,7 @@ impl Placer for Distractors {
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let surface = scene.support(self.support.as_ref())?.surface;
-        let parts = scene.bodies().filter(|(_, body)| body.role == Role::Room).map(|(_, body)| body.world_bounds());
-        let room = space_around(&surface.center(), parts);
+        let room = scene.room_around(&surface.center());
         let mut taken: Vec<OrientedBox> = scene
             .bodies()
             .filter(|(_, body)| body.role != Role::Room)

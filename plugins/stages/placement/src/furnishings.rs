@@ -6,7 +6,7 @@ use crate::material::MaterialReplacement;
 use crate::oriented_box::OrientedBox;
 use crate::variation::{ColorChange, FinishChange, SCALE, Variation, resized};
 use std::f64::consts::{FRAC_PI_2, PI};
-use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3, space_around};
+use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{BodyDraft, Motion, Object, Region, Role};
 
@@ -29,8 +29,8 @@ const YAW_DEG: [f64; 2] = [-180.0, 180.0];
 /// free on the floor, use `distractors`.
 ///
 /// With a `name`, level areas of the pieces become supports, as with the kind `support`: `arrange` with `annotated = false` puts
-/// objects on them. The areas of the embedded furniture are known, and the areas of meshes are found. A name under which no piece
-/// carries anything is no error for steps that place distractors.
+/// objects on them. The areas of the embedded furniture are known, and the areas of meshes are found. If no piece of a scene
+/// carries anything, steps that place distractors place none. A step or a view that needs the name lets the scene be tried again.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Furnishings {
@@ -129,10 +129,13 @@ impl Placer for Furnishings {
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let count = self.count.draw(&mut context.stream.child("count")).max(0) as usize;
         let main = scene.supports.main().map(|support| support.surface);
-        let walls = Wall::around(scene, main.map_or_else(|| Point3::new(0.0, 0.0, 0.01), |region| region.center()));
+        let walls = Wall::around(scene, main.map_or_else(Point3::origin, |region| region.center()));
         if walls.is_empty() && count > 0 {
             let message = "the scene has no wall for furnishings";
             return Err(Error::new(message).help("place a `room` with walls first, or use the kind `distractors`"));
+        }
+        if let Some(name) = self.name.as_ref().filter(|_| self.count.range().1 > 0) {
+            scene.supports.may_add(name.as_str());
         }
         let around = |body: &BodyDraft| OrientedBox::new(&body.object.mesh.bounds(), &body.world_from_body, 0.0);
         let others = scene.bodies().filter(|(_, body)| body.role != Role::Room);
@@ -239,8 +242,7 @@ struct Wall {
 impl Wall {
     /// The walls around a point that are of finite length.
     fn around(scene: &SceneBuilder, point: Point3<f64>) -> Vec<Self> {
-        let parts = scene.bodies().filter(|(_, body)| body.role == Role::Room).map(|(_, body)| body.world_bounds());
-        let room = space_around(&point, parts);
+        let room = scene.room_around(&point);
         let floor = if room.min.z.is_finite() { room.min.z } else { 0.0 };
         let sides = [(0, 1.0, -FRAC_PI_2), (1, 1.0, 0.0), (0, -1.0, FRAC_PI_2), (1, -1.0, PI)];
         let wall = |(axis, sign, yaw): (usize, f64, f64)| {

@@ -11,7 +11,7 @@ use crate::resting::RestingShapes;
 use crate::variation::{ColorChange, FinishChange, SCALE, Variation, resized};
 use schemars::{Schema, SchemaGenerator};
 use std::sync::Arc;
-use syntable_model::geometry::{UnitQuaternion, Vector3, space_around};
+use syntable_model::geometry::{UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{BodyDraft, Motion, Object, Region, Role, SupportArea};
 
@@ -200,8 +200,7 @@ impl Support {
         let on = self.on.as_ref().map(|on| scene.support(Some(on))).transpose()?;
         let below = on.map_or(Region::rectangle([0.0; 3], [f64::INFINITY; 2]), |on| on.surface);
         let top = on.and_then(|on| scene.space_top(on)).unwrap_or(f64::INFINITY);
-        let parts = scene.bodies().filter(|(_, body)| body.role == Role::Room).map(|(_, body)| body.world_bounds());
-        let room = space_around(&(below.center() + Vector3::z() * 0.01), parts);
+        let room = scene.room_around(&below.center());
         let shape = self.shapes.of(object, context.cache);
         let (mut yaws, mut positions) = (stream.child("yaw"), stream.child("position"));
         for attempt in 0..self.max_tries {
@@ -224,16 +223,18 @@ impl Support {
             let pose = Pose::from_parts(shift.into(), rotation);
             let footprint = shape.footprint(&pose);
             let is_on = on.is_none() || (footprint.is_within(&below) && footprint.high <= top);
-            let is_inside = footprint
+            let is_between_walls = footprint
                 .outline
                 .iter()
                 .all(|p| (0..2).all(|axis| (room.min[axis] + GAP_M..=room.max[axis] - GAP_M).contains(&p[axis])));
+            let is_inside = is_between_walls && footprint.high <= room.max.z;
             if is_on && is_inside && !taken.iter().any(|other| footprint.is_near(other, GAP_M)) {
                 return Ok((pose, footprint));
             }
         }
         let on = self.on.as_ref().map_or("the floor".to_owned(), |on| format!("`{}`", on.as_str()));
-        Err(Error::unlucky(format!("no place is left for it on {on}"))
-            .help("lower `count`, take smaller bodies or a larger support, or widen the range of `position_m`"))
+        Err(Error::unlucky(format!("no place is left for it on {on}")).help(
+            "lower `count`, take smaller bodies, a larger support or a larger room, or widen the range of `position_m`",
+        ))
     }
 }

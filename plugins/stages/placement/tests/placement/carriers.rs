@@ -130,6 +130,13 @@ fn rows_begin_at_the_front_left_corner_and_hold_copies() {
     let options = "from = [\"slim\"]\ncount = 31\npose = \"as_modeled\"\nlayout = { rows = { per_row = 2 } }\nstack = 3\nyaw_deg = 0";
     let (scene, _) = place(&[&*table(), &*placer("arrange", options)], 3).expect("placed");
     assert_eq!(super::objects(&scene).len(), 31);
+    // A place that stays empty uses up no object.
+    let options =
+        "from = [\"slim\"]\ncount = 4\npose = \"as_modeled\"\nlayout = { rows = { per_row = 1, occupied = 0.5 } }";
+    let placed =
+        |seed| super::objects(&place(&[&*table(), &*placer("arrange", options)], seed).expect("placed").0).len();
+    let counts: Vec<usize> = (0..20).map(placed).collect();
+    assert!(counts.iter().sum::<usize>() >= 78, "at least 17 rows each: {counts:?}");
     // Without a number per row, a row is as long as the table.
     let options = "from = [\"slim\"]\ncount = 200\npose = \"as_modeled\"\nlayout = { rows = {} }\ngap_m = 0";
     let (scene, _) = place(&[&*table(), &*placer("arrange", options)], 3).expect("placed");
@@ -295,6 +302,13 @@ fn a_body_on_a_board_fits_below_the_next_one_and_in_the_room() {
     let wide = placer("support", "from = [\"boards\"]\nname = \"shelf\"\nscale = 2");
     let tall = placer("support", "from = [\"big\"]\nname = \"block\"\non = \"shelf\"\nscale = 1.9");
     assert!(place(&[&*wide, &*tall], 1).is_err());
+    // 0.62 m high, the shelf does not fit into a lower room.
+    let room = |height: f64| placer("room", &format!("size_m = 4\nheight_m = {height}"));
+    for (height, scale, fits) in [(1.3, 2.0, true), (1.2, 2.0, false), (1.2, 1.9, true)] {
+        let shelf = placer("support", &format!("from = [\"boards\"]\nname = \"shelf\"\nscale = {scale}"));
+        let placed = place(&[&*room(height), &*shelf], 1);
+        assert_eq!(placed.as_ref().map(|_| ()).map_err(Error::is_unlucky), if fits { Ok(()) } else { Err(true) });
+    }
     // Objects are dropped between the boards, too.
     let drop =
         placer("drop_box", "from = [\"small\"]\nsupport = \"shelf\"\ncount = 12\nclearance_m = 0.02\nheight_m = 0.2");

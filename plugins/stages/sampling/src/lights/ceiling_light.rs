@@ -3,7 +3,6 @@
 use crate::lights::brightness::limits::{TEMPERATURE_K, TINT};
 use crate::lights::brightness::{Brightness, LightColor};
 use crate::lights::per::Per;
-use crate::lights::room::inside;
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::PI;
 use syntable_model::photometry::{disk_illuminance, flux_luminance, polygon_illuminance};
@@ -125,6 +124,10 @@ impl Config for CeilingLight {
 register!(CeilingLight);
 
 impl LightSampler for CeilingLight {
+    fn needs(&self) -> Option<Part> {
+        self.support.is_none().then_some(Part::MainSupport)
+    }
+
     fn once_per_scene(&self) -> bool {
         self.per == Per::Scene
     }
@@ -199,7 +202,8 @@ impl CeilingLight {
     /// Height of the lights above the floor, meters.
     fn height(&self, scene: &Scene, support: &Support) -> f64 {
         // The ceiling is the lowest part of the room above the center of the support.
-        let ceiling = Some(inside(scene, support).max.z - BELOW_CEILING_M).filter(|height| height.is_finite());
+        let ceiling =
+            Some(scene.room_around(&support.center()).max.z - BELOW_CEILING_M).filter(|height| height.is_finite());
         match (self.height_m, ceiling) {
             (Some(height), Some(ceiling)) => height.min(ceiling),
             (Some(height), None) => height,

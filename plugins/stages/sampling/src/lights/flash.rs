@@ -67,6 +67,10 @@ impl Config for Flash {
 register!(Flash);
 
 impl LightSampler for Flash {
+    fn needs(&self) -> Option<Part> {
+        self.support.is_none().then_some(Part::MainSupport)
+    }
+
     fn lights(&self, scene: &Scene, camera: &Camera, _: &Shell, context: &Context) -> Result<Vec<Light>> {
         let stream = &context.stream;
         if !stream.child("fires").chance(self.probability) {

@@ -6,7 +6,6 @@ mod environment;
 mod flash;
 mod landscape;
 mod per;
-mod room;
 mod sphere_lights;
 mod sun;
 mod window_light;

@@ -138,6 +138,10 @@ impl SphereLights {
 }
 
 impl LightSampler for SphereLights {
+    fn needs(&self) -> Option<Part> {
+        self.support.is_none().then_some(Part::MainSupport)
+    }
+
     fn once_per_scene(&self) -> bool {
         self.per == Per::Scene
     }

@@ -4,7 +4,6 @@ use crate::lights::brightness::check_temperature;
 use crate::lights::brightness::limits::{ILLUMINANCE_LX, LUMINANCE_NITS, TEMPERATURE_K};
 use crate::lights::landscape::landscape;
 use crate::lights::per::Per;
-use crate::lights::room::inside;
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -226,7 +225,7 @@ impl LightSampler for WindowLight {
             return Ok(Vec::new());
         }
         let support = scene.support(self.support.as_ref())?;
-        let mut walls = Wall::all(&inside(scene, support));
+        let mut walls = Wall::all(&scene.room_around(&support.center()));
         if walls.is_empty() {
             return Err(no_wall(scene, support));
         }
