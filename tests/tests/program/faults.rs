@@ -669,6 +669,13 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
         ),
         ("remove=[\"place.table\"]", vec!["needs a support", "[[place]] kind = \"table\""]),
         (
+            "place.table={ kind = \"ground\" }\u{0}place.room={ kind = \"listed\", from = \"objects\", poses = [{ position_m = [0, 0, 1] }] }\u{0}place.objects={ kind = \"listed\", from = \"objects\", annotated = false, poses = [{ position_m = [0, 1, 1] }] }",
+            vec![
+                "`views` needs a support, and no step of [[place]] sets one in every scene",
+                "give a `room` a `support`",
+            ],
+        ),
+        (
             "place.room.floor_only=true",
             vec!["`lights.window_light` needs the walls of a room", "kind = \"room\" with walls"],
         ),

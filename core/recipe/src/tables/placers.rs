@@ -227,7 +227,7 @@ fn unmet(step: &Step, part: &Part, later: Option<&BuiltStage>, steps: &[Step]) -
     }
 }
 
-/// Views, cameras, lights and sensors that need a part which no step sets in every scene.
+/// For each part that no step sets in every scene, the first view, camera, light or sensor that needs it.
 fn unmet_by_stages(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuilder> {
     if steps.iter().any(|step| !step.is_declared) {
         return Vec::new();
@@ -239,14 +239,23 @@ fn unmet_by_stages(steps: &[Step], stages: &[BuiltStage]) -> Vec<DiagnosticBuild
         Stage::Sensor(sensor) => sensor.needs(),
         _ => None,
     };
+    let mut reported: Vec<Part> = Vec::new();
     let unmet = |stage: &BuiltStage| {
         let part = stage.all().filter_map(|built| needs(built.stage.as_ref()?)).find(|part| {
             let sets = |step: &Step| step.sets.iter().any(|set| meets(set, part));
-            !steps.iter().any(sets)
+            // A step that needs the part, too, has been reported.
+            !steps.iter().any(|step| sets(step) || step.needs.contains(part)) && !reported.contains(part)
         })?;
+        reported.push(part.clone());
         let (stage_name, name) = (stage.slot.stage_name(&stage.id), described(&part));
-        let message = format!("`{stage_name}` needs the {name}, and no step of [[place]] sets them in every scene");
+        let message = match part {
+            Part::MainSupport => {
+                format!("`{stage_name}` needs a {name}, and no step of [[place]] sets one in every scene")
+            }
+            _ => format!("`{stage_name}` needs the {name}, and no step of [[place]] sets them in every scene"),
+        };
         let help = match part {
+            Part::MainSupport => "add a step [[place]] kind = \"table\", or give a `room` a `support`",
             Part::Walls => "add a step [[place]] kind = \"room\" with walls, or choose another kind of light",
             Part::RecordedCameras => "add a step [[place]] kind = \"recorded\", or choose another kind or option",
             _ => "add a step that sets it",

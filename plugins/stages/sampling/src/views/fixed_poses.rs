@@ -4,7 +4,7 @@ use crate::views::look_at::rolled;
 use nalgebra::{Point3, Translation3, Vector3};
 use syntable_model::geometry::{look_at, rigid};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Support, ViewId};
+use syntable_model::scene::ViewId;
 
 /// Camera poses from a list, the same in every scene: view `i` takes entry `i`, and the number of views equals the
 /// number of entries.
@@ -116,32 +116,47 @@ struct ListedPoses {
 }
 
 impl ListedPoses {
-    fn origin(&self, support: &Support) -> Translation3<f64> {
-        match self.relative_to {
-            Origin::TabletopCenter => Translation3::from(support.center().coords),
+    fn origin(&self, scene: &Scene) -> Result<Translation3<f64>> {
+        Ok(match self.relative_to {
+            Origin::TabletopCenter => Translation3::from(scene.support(self.support.as_ref())?.center().coords),
             Origin::World => Translation3::identity(),
+        })
+    }
+
+    /// Center of the support. Without one, poses in the world are around the mean of the points that they look at.
+    fn center(&self, scene: &Scene) -> Result<Point3<f64>> {
+        match (scene.support(self.support.as_ref()), self.relative_to) {
+            (Ok(support), _) => Ok(support.center()),
+            (Err(error), Origin::TabletopCenter) => Err(error),
+            (Err(_), Origin::World) => {
+                let targets: Vec<Vector3<f64>> = self.poses.iter().filter_map(|(_, at)| Some((*at)?.coords)).collect();
+                Ok((targets.iter().sum::<Vector3<f64>>() / targets.len().max(1) as f64).into())
+            }
         }
     }
 }
 
 impl ViewSampler for ListedPoses {
+    fn needs(&self) -> Option<Part> {
+        (self.relative_to == Origin::TabletopCenter && self.support.is_none()).then_some(Part::MainSupport)
+    }
+
     fn pose(&self, scene: &Scene, view: ViewId, _: &Context) -> Result<Pose> {
         let (pose, _) = self.poses.get(view.0 as usize).ok_or_else(|| {
             Error::new(format!("view {} has no pose; {} are listed", view.0, self.poses.len()))
                 .help("set dataset.views_per_scene to the number of poses, or list more")
         })?;
-        Ok(self.origin(scene.support(self.support.as_ref())?) * pose)
+        Ok(self.origin(scene)? * pose)
     }
 
     fn target(&self, scene: &Scene, view: ViewId) -> Option<Point3<f64>> {
         let (_, target) = self.poses.get(view.0 as usize)?;
-        Some(self.origin(scene.support(self.support.as_ref()).ok()?) * (*target)?)
+        Some(self.origin(scene).ok()? * (*target)?)
     }
 
     /// The shell around the center of the support that contains all poses.
     fn shell(&self, scene: &Scene) -> Result<Shell> {
-        let support = scene.support(self.support.as_ref())?;
-        let (center, origin) = (support.center(), self.origin(support));
+        let (center, origin) = (self.center(scene)?, self.origin(scene)?);
         let radius = self
             .poses
             .iter()

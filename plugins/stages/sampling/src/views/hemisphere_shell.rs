@@ -82,6 +82,10 @@ impl HemisphereShell {
 }
 
 impl ViewSampler for HemisphereShell {
+    fn needs(&self) -> Option<Part> {
+        self.support.is_none().then_some(Part::MainSupport)
+    }
+
     fn pose(&self, scene: &Scene, view: ViewId, context: &Context) -> Result<Pose> {
         let support = self.support_of(scene, view)?;
         let [low, high] = self.radius.in_meters(support);

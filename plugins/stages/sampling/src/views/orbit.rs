@@ -9,7 +9,7 @@ use syntable_model::prelude::*;
 use syntable_model::scene::ViewId;
 
 /// Camera positions on a circle around a support such as the table: view `i` is at azimuth `start_deg + i · step_deg`, at a constant
-/// elevation and distance. Nothing is random. With a positive step, views go counterclockwise seen from above.
+/// elevation and distance. Positions are not random. With a positive step, views go counterclockwise seen from above.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Orbit {
@@ -62,6 +62,10 @@ impl Config for Orbit {
 register!(Orbit);
 
 impl ViewSampler for Orbit {
+    fn needs(&self) -> Option<Part> {
+        self.support.is_none().then_some(Part::MainSupport)
+    }
+
     fn pose(&self, scene: &Scene, view: ViewId, context: &Context) -> Result<Pose> {
         let support = scene.support(self.support.as_ref())?;
         let r = self.distance.in_meters(support);

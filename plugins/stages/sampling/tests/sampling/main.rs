@@ -334,6 +334,14 @@ fn listed_poses_are_used_unchanged() {
         "relative_to = \"world\"\nposes = [{ look_at = { eye_m = [1, 0, 2], target_m = [0, 0, 0.7] } }]",
     );
     assert!((pose(&*world, 0).expect("a pose").translation.vector.z - 2.0).abs() < 1e-12);
+    // Poses in the world need no support, and their shell is around the points that they look at.
+    let open = SceneBuilder::default().freeze(SettleReport::default()).expect("a scene");
+    assert!((world.needs(), sampler.needs()) == (None, Some(Part::MainSupport)));
+    let shell = world.shell(&open).expect("a target");
+    assert!(
+        (shell.center - Point3::new(0.0, 0.0, 0.7)).norm() < 1e-12 && (shell.radius[1] - 2.69_f64.sqrt()).abs() < 1e-9
+    );
+    assert!(sampler.shell(&open).is_err());
     for (options, want) in [
         ("", "poses"),
         ("poses = [{ look_at = { target_m = [0, 0, 0] } }]", "eye_m"),
