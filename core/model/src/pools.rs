@@ -7,8 +7,8 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use syntable_toml_schema::KEY_REFERENCE;
 
-/// Maximum weight of a pool.
-const MAX_WEIGHT: f64 = 1e9;
+/// Maximum weight of a pool, and of other choices by weight.
+pub const MAX_WEIGHT: f64 = 1e9;
 
 /// Pools to draw assets from: the name of one, a list of names, or a table of weights.
 ///

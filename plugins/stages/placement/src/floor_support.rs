@@ -22,6 +22,21 @@ impl Default for FloorSupport {
 }
 
 impl FloorSupport {
+    /// Checks that the area is on the smallest floor that can be drawn, whose size along x and y is in meters.
+    pub fn check(&self, floor: [f64; 2]) -> Result<(), ConfigError> {
+        match (0..2).find(|&axis| self.size_m[axis] > floor[axis]) {
+            None => Ok(()),
+            Some(axis) => {
+                let message = format!(
+                    "the support of {} m is larger than the smallest floor of {} m",
+                    self.size_m[axis], floor[axis]
+                );
+                let help = "give the support a smaller `size_m`, or the floor a larger one";
+                Err(ConfigError::new(format!("support.size_m[{axis}]"), message).help(help))
+            }
+        }
+    }
+
     /// Makes the area a support of the scene.
     pub fn add_to(&self, scene: &mut SceneBuilder) -> Result<()> {
         scene.supports.add(Support::new(self.name.as_str(), Region::rectangle([0.0; 3], self.size_m)))

@@ -48,6 +48,7 @@ impl Config for Ground {
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
         self.size_m.within("size_m", SIZE_M[0], SIZE_M[1])?;
         self.projection_height_m.within("projection_height_m", HEIGHT_M[0], HEIGHT_M[1])?;
+        self.support.as_ref().map_or(Ok(()), |support| support.check([self.size_m.range().0; 2]))?;
         Ok(Box::new(self))
     }
 }

@@ -6,8 +6,9 @@
 //! - `table` and `support` place the bodies that carry them.
 //!
 //! **Invariants.** Every random number comes from a named child of the stage's stream, one per surface or object, so
-//! the draws for one object do not depend on the number of draws for another. Poses place the center of a mesh's
-//! bounding box, whatever the mesh's own origin, except for the kind `mesh`.
+//! the draws for one object do not depend on the number of draws for another. `drop_box`, `table`,
+//! `support`, `furnishings` and `distractors` place the center of a mesh's bounding box, whatever its own origin. `arrange` places the
+//! lowest point and the center of the footprint; `mesh`, `listed` and `recorded` place the origin of the file.
 
 mod areas;
 mod arrange;

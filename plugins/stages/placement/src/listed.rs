@@ -1,6 +1,7 @@
 //! Objects at the poses of a list.
 
 use crate::material::MaterialReplacement;
+use crate::mesh::POSITION_M;
 use crate::objects::COUNT;
 use crate::rotation::{ROTATION_DEG, check_quaternion, euler, of_quaternion};
 use crate::variation::{ColorChange, FinishChange, SCALE, Variation, resized};
@@ -10,9 +11,6 @@ use syntable_model::context::Assets;
 use syntable_model::geometry::{Translation3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetRef, BodyDraft, DropZone, Motion, Role};
-
-/// Limits of positions, meters.
-const POSITION_M: [f64; 2] = [-1000.0, 1000.0];
 
 /// Places objects at listed poses: a layout that was planned or measured.
 ///
@@ -213,6 +211,11 @@ impl ListedPlacer {
         let mut poses = self.options.poses.clone();
         if let Some(file) = &self.options.file {
             poses.extend(of_file(file).map_err(|error| error.in_file(file.path()))?);
+            if poses.len() as i64 > COUNT[1] {
+                let message =
+                    format!("{} poses with the poses of the recipe, and a scene has 1 to {}", poses.len(), COUNT[1]);
+                return Err(Error::new(message).in_file(file.path()));
+            }
         }
         let poses: Arc<[ListedPose]> = poses.into();
         *read = Some(Arc::clone(&poses));
@@ -221,7 +224,14 @@ impl ListedPlacer {
 
     /// The asset that a pose names.
     fn asset(&self, number: usize, name: &str, assets: &dyn Assets) -> Result<AssetRef> {
-        named(name, &self.options.from, assets).map_err(|error| error.context(format!("pose {number}")))
+        // The poses of the file come after the poses of the recipe.
+        let of_recipe = self.options.poses.len();
+        named(name, &self.options.from, assets).map_err(|error| match &self.options.file {
+            Some(file) if number >= of_recipe => {
+                error.context(format!("pose {} of the list", number - of_recipe)).in_file(file.path())
+            }
+            _ => error.context(format!("pose {number}")),
+        })
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::bounds::rotated_bounds;
 use crate::dist_list::dist_list;
 use crate::material::MaterialReplacement;
+use crate::objects::FRICTION;
 use crate::rotation::{ROTATION_DEG, check_quaternion, euler, of_quaternion};
 use crate::variation::{ColorChange, FinishChange, Variation};
 use schemars::{Schema, SchemaGenerator};
@@ -26,10 +27,7 @@ use syntable_model::scene::{
 const POOL: &str = "mesh";
 
 /// Limits of positions, meters.
-const POSITION_M: [f64; 2] = [-1000.0, 1000.0];
-
-/// Limits of `friction`.
-const FRICTION: [f64; 2] = [0.0, 10.0];
+pub const POSITION_M: [f64; 2] = [-1000.0, 1000.0];
 
 /// Places a mesh of a file at a pose: a robot arm, a shelf, a second table, or an object.
 ///

@@ -26,6 +26,15 @@ pub enum RestingPose {
 }
 
 impl RestingPose {
+    /// Its name in recipes.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Upright => "upright",
+            Self::AsModeled => "as_modeled",
+            Self::StablePose => "stable_pose",
+        }
+    }
+
     /// Draws the rotation of an object whose yaw is 0.
     pub fn draw(self, shape: &RestingShape, stream: &mut Stream) -> UnitQuaternion<f64> {
         let up = match self {

@@ -103,6 +103,9 @@ impl Config for Room {
         self.length_m.as_ref().map_or(Ok(()), |length| length.within("length_m", SIZE_M[0], SIZE_M[1]))?;
         self.height_m.within("height_m", SIZE_M[0], SIZE_M[1])?;
         check_scale("texture_scale", &self.texture_scale)?;
+        let (size, _) = self.size_m.range();
+        let length = self.length_m.as_ref().map_or(size, |length| length.range().0);
+        self.support.as_ref().map_or(Ok(()), |support| support.check([size, length]))?;
         if self.floor_only && self.open_top {
             let message = "a room with `floor_only` has no ceiling to leave out";
             return Err(ConfigError::new("open_top", message).help("remove `open_top`"));

@@ -55,6 +55,7 @@ impl Rows {
                 }
                 let row = rows.at(row);
                 let per_row = self.per_row.as_ref().map_or(i64::MAX, |per_row| per_row.draw(&mut row.child("count")));
+                let before_row = items.mark();
                 let first = items.draw()?;
                 let (mut front, mut right, mut is_empty) = (-depth / 2.0, left, true);
                 for number in 0..per_row {
@@ -77,7 +78,7 @@ impl Rows {
                     if place.child("occupied").chance(self.occupied) {
                         is_empty &= !sites.put(items, &item, site, along, 0.0)?;
                     } else {
-                        items.rewind(before);
+                        items.rewind(if number == 0 { before_row } else { before });
                     }
                     (front, right) = (front + (y[1] - y[0]) + gap, right.max(left + (x[1] - x[0])));
                 }

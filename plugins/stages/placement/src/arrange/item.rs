@@ -41,6 +41,11 @@ impl<'a> Items<'a> {
         Ok(Self { options, context, end: drawn.count(), drawn, next: 0 })
     }
 
+    /// Maximum number of objects.
+    pub fn count(&self) -> usize {
+        self.drawn.count()
+    }
+
     /// Whether all objects were drawn.
     pub fn is_done(&self) -> bool {
         self.next >= self.end

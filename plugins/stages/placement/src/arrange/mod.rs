@@ -48,10 +48,10 @@ impl Placer for Arrange {
         let mut items = Items::new(self, context)?;
         fill::fill(self, &mut sites, &mut items, &context.stream)?;
         // A scene needs its objects, and not its distractors.
-        if self.annotated && sites.placed.is_empty() && items.mark() > 0 {
+        if self.annotated && sites.placed.is_empty() {
             let name = self.support.as_ref().map_or("the support".to_owned(), |name| format!("`{}`", name.as_str()));
-            return Err(Error::unlucky(format!("none of {} objects finds a place on {name}", items.mark())).help(
-                "take smaller objects or a larger support, raise `area_factor` or `max_tries`, or lower `gap_m`",
+            return Err(Error::unlucky(format!("none of {} objects finds a place on {name}", items.count())).help(
+                "take smaller objects or a larger support, raise `area_factor`, `occupied` or `max_tries`, or lower `gap_m`",
             ));
         }
         for (body, zone) in sites.placed {

@@ -7,6 +7,7 @@ use crate::objects::{COUNT, DENSITY_KG_M3, FRICTION, ObjectOptions, RESTITUTION}
 use crate::resting::{RestingPose, RestingShapes};
 use crate::variation::{ColorChange, FinishChange, SCALE, Variation};
 use std::collections::BTreeMap;
+use syntable_model::pools::MAX_WEIGHT;
 use syntable_model::prelude::*;
 
 /// Limits of `stack`.
@@ -118,8 +119,9 @@ pub enum Poses {
 impl Poses {
     fn check(&self) -> Result<(), ConfigError> {
         let Self::Weighted(weights) = self else { return Ok(()) };
-        if weights.values().any(|weight| !(0.0..=1e9).contains(weight)) {
-            return Err(ConfigError::new("pose", "a weight is not within 0 and 1e9"));
+        if let Some((pose, weight)) = weights.iter().find(|(_, weight)| !(0.0..=MAX_WEIGHT).contains(*weight)) {
+            let message = format!("the weight {weight} is not within 0 and {MAX_WEIGHT}");
+            return Err(ConfigError::new(format!("pose.{}", pose.name()), message));
         }
         if weights.values().all(|weight| *weight == 0.0) {
             return Err(ConfigError::new("pose", "no pose has a weight above 0").help("name one: pose = \"upright\""));

@@ -25,7 +25,7 @@ pub struct Site {
     bearing: Bearing,
     /// The area that is used.
     pub area: Region,
-    /// Height of the space above the surface, meters; infinite under the open sky.
+    /// Maximum height of an item, meters; infinite under the open sky.
     pub height: f64,
     /// Numbers of the `taken` bodies that are part of the support itself.
     own: Vec<usize>,
@@ -50,7 +50,7 @@ impl Sites {
             Site {
                 bearing: Bearing::of(support, scene),
                 area: surface.scaled(options.area_factor),
-                height: end - support.height() - WALL_GAP_M,
+                height: end - support.height() - WALL_GAP_M - START_M,
                 own: furniture.iter().filter(|(_, bounds)| holds(bounds, support)).map(|(number, _)| *number).collect(),
                 zone: DropZone { starts_at_rest: true, ..DropZone::on(support.clone()) },
             }
@@ -74,7 +74,7 @@ impl Sites {
     pub fn put(&mut self, items: &Items, item: &Item, site: usize, along: [f64; 2], gap: f64) -> Result<bool> {
         let Site { area, bearing, height, own, zone } = &self.sites[site];
         let at = area.point(along);
-        if item.footprint.high + START_M > *height {
+        if item.footprint.high > *height {
             return Ok(false);
         }
         let footprint = item.footprint.moved([at.x, at.y, at.z]);

@@ -53,7 +53,8 @@ pub struct Recorded {
     /// How the frame of a recorded scene becomes the world.
     #[serde(default)]
     frame: RecordedFrame,
-    /// Name of the support that carries the objects. If left out, it is the first that a step sets. The frame `world` needs none.
+    /// Name of the support that carries the objects. If left out, it is the first that a step sets. In the frame `world`, only
+    /// objects that are not `fixed` need one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     support: Option<SupportName>,
     /// Rotation of the recorded scene about the center of the support, degrees, −360 to 360. The frame `world` has none.
@@ -146,8 +147,8 @@ struct RecordedPlacer {
 
 impl Placer for RecordedPlacer {
     fn parts(&self) -> Option<Vec<PartUse>> {
-        let Recorded { frame, support, .. } = &self.options;
-        let needs = *frame != RecordedFrame::World || support.is_some();
+        let Recorded { frame, support, fixed, .. } = &self.options;
+        let needs = *frame != RecordedFrame::World || !fixed;
         let needs = needs.then(|| PartUse::Needs(Part::support(support.as_ref())));
         Some([PartUse::Sets(Part::RecordedCameras)].into_iter().chain(needs).collect())
     }

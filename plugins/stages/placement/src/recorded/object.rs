@@ -121,7 +121,12 @@ pub fn asset_of(object: &RecordedObject, pools: &ObjectPools, context: &Context)
             true => entry.obj_id == object.obj_id,
             false => last_part(&entry.name) == own,
         };
-        found.extend(context.assets.entries(pool)?.iter().filter(fits).map(|entry| named(pool, &entry.name)));
+        for entry in context.assets.entries(pool)?.iter().filter(fits) {
+            let asset = named(pool, &entry.name);
+            if !found.contains(&asset) {
+                found.push(asset);
+            }
+        }
     }
     match found.as_slice() {
         [first, second, ..] => {
