@@ -6,7 +6,7 @@ use super::tones;
 use crate::material::MaterialFamily;
 use crate::shape::{Lathe, Profile, SlotMapping, SolidShape};
 
-/// A rug of pile or cloth: round, or a rectangle with a border, with fringes, or with both.
+/// A rug of pile or cloth: round, or a rectangle. Some rectangles have a border, and some have fringes.
 pub fn rug(piece: &mut Piece) {
     use MaterialFamily::{Carpet, Fabric, Knit};
     let field = if piece.paint.chance(0.5) {
@@ -25,13 +25,12 @@ pub fn rug(piece: &mut Piece) {
         return;
     }
     let (a, b) = (0.5 * piece.uniform(0.6, 1.4), 0.5 * piece.uniform(1.0, 2.1));
-    let mut height = thick;
     if piece.form.chance(0.5) {
         let color = tones::cloth(&mut piece.paint);
         let border = piece.cloth_of(color, &[Carpet, Fabric]);
         let wide = piece.uniform(0.03, 0.14);
         piece.block(border, [-a, -b, 0.0], [a, b, thick], 0.3 * thick);
-        height += 0.0015;
+        let height = thick + 0.0015;
         piece.block(field, [wide - a, wide - b, 0.0], [a - wide, b - wide, height], 0.3 * thick);
     } else {
         piece.block(field, [-a, -b, 0.0], [a, b, thick], 0.3 * thick);

@@ -1,6 +1,6 @@
 """Compares the masks of a BOP dataset with bop_toolkit's renderer at the dataset's own poses.
 
-    python3 tests/check_recorded.py DATASET BOP_TOOLKIT
+    python3 tests/peers/check_recorded.py DATASET BOP_TOOLKIT
 
 DATASET is a folder with `camera.json`, `models` and one split in the scenewise layout. Needs numpy, pillow, vispy and a
 software or hardware OpenGL. Prints the share of mask pixels that differ, and of these the share away from outlines.
