@@ -216,6 +216,7 @@ fn what_cannot_be_rebuilt_is_refused_with_a_way_out() {
     std::fs::create_dir(&empty).expect("made");
     let said = run("empty", [1, 2], &of(&empty), &[]);
     assert!(said.contains("place.recorded: ") && said.contains("unrecognized dataset format"), "{said}");
+    assert!(said.contains("name the format with `format`"), "{said}");
     let labels = folder.path().join("coco.json");
     std::fs::write(&labels, r#"{"images":[],"annotations":[],"categories":[]}"#).expect("written");
     let said = run("coco", [1, 2], &of(&labels), &[]);
@@ -240,6 +241,11 @@ fn what_cannot_be_rebuilt_is_refused_with_a_way_out() {
     let skewed = with_camera("skewed.jsonl", &|camera| camera["K"][0][1] = Value::from(5.0));
     let said = run("skewed", [1, 1], &skewed, &[]);
     assert!(said.contains("the skew 5 px"), "{said}");
+    // A run that loses recorded images says so at its end.
+    let bop = source.join("bop/train_pbr");
+    std::fs::remove_file(bop.join("000001/scene_gt.json")).expect("removed");
+    let said = fails(&mut command(folder.path(), "lost", [1, 2], &of(&bop)), 3);
+    assert!(said.contains("of the recorded dataset are not rebuilt"), "{said}");
     // Views of no recorded scene, and cameras of two.
     let twice =
         format!("{}\n[[place]]\nkind = \"recorded\"\nid = \"again\"\nfrom = \"objects\"\n{}", of(&jsonl), of(&jsonl));

@@ -263,8 +263,8 @@ impl Supports {
     /// member.
     ///
     /// # Errors
-    /// If the scene has no such support. The error is permanent, unless the scene [may have](Self::may_add) one, and lists the
-    /// supports.
+    /// If the scene has no such support. The error lists the supports. It is permanent, unless the scene [may have](Self::may_add) one,
+    /// or only fewer supports of the group.
     pub fn get(&self, name: Option<&SupportName>) -> Result<&Support> {
         self.group(name).map(|group| group[0])
     }
@@ -296,10 +296,14 @@ impl Supports {
                 error.help("place a table first: [[place]] kind = \"table\"; or give a `room` a `support`")
             }
         };
-        // A recipe may name a group, or a member of it.
-        let may_be =
-            |it: &Arc<str>| name.is_none_or(|name| is_in_group(it, name.as_str()) || is_in_group(name.as_str(), it));
-        Err(if self.by_chance.iter().any(may_be) { error.by_chance() } else { error })
+        let Some(name) = name.map(SupportName::as_str) else {
+            return Err(if self.by_chance.is_empty() { error } else { error.by_chance() });
+        };
+        // A recipe may name a group, or a member of it. Groups differ in size between scenes.
+        let may_be = |it: &Arc<str>| is_in_group(it, name) || is_in_group(name, it);
+        let group = name.rsplit_once('/').map(|(group, _)| group);
+        let has_group = group.is_some_and(|group| self.iter().any(|support| is_in_group(&support.name, group)));
+        Err(if has_group || self.by_chance.iter().any(may_be) { error.by_chance() } else { error })
     }
 }
 
@@ -373,7 +377,11 @@ mod tests {
         assert_eq!(names("bins"), ["bins/1", "bins/2/1"]);
         assert_eq!(names("bins/2"), ["bins/2/1"]);
         assert_eq!(&*shelf.get(Some(&"bins".into())).expect("there").name, "bins/1");
-        assert!(shelf.group(Some(&"bin".into())).is_err());
+        assert!(shelf.group(Some(&"bin".into())).is_err_and(|error| !error.is_unlucky()));
+        assert!(
+            shelf.group(Some(&"bins/3".into())).is_err_and(|error| error.is_unlucky()),
+            "another scene may have three"
+        );
         // A support of the very name is meant alone.
         shelf.add(Support::new("bins", Region::rectangle([0.0; 3], [1.0, 1.0]))).expect("new");
         let group = shelf.group(Some(&"bins".into())).expect("there");

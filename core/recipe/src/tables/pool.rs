@@ -190,15 +190,19 @@ impl ObjectProperties {
 
     /// The key of a value that makes no sense, and why.
     fn invalid(&self) -> Option<(&'static str, String)> {
-        let out_of = |key, value: Option<f64>, low: f64, high: f64| {
-            let value = value.filter(|value| !(*value > low && *value <= high))?;
-            Some((key, format!("{value} is not above {low} and at most {high}")))
+        let above_0 = |key, value: Option<f64>, high: f64| {
+            let value = value.filter(|value| !(*value > 0.0 && *value <= high))?;
+            Some((key, format!("{value} is not above 0 and at most {high}")))
+        };
+        let from_0 = |key, value: Option<f64>, high: f64| {
+            let value = value.filter(|value| !(0.0..=high).contains(value))?;
+            Some((key, format!("{value} is not within 0 and {high}")))
         };
         let both = self.mass_kg.is_some() && self.density_kg_m3.is_some();
-        out_of("mass_kg", self.mass_kg, 0.0, 1e5)
-            .or_else(|| out_of("density_kg_m3", self.density_kg_m3, 0.0, 1e5))
-            .or_else(|| out_of("friction", self.friction, -f64::MIN_POSITIVE, 10.0))
-            .or_else(|| out_of("restitution", self.restitution, -f64::MIN_POSITIVE, 1.0))
+        above_0("mass_kg", self.mass_kg, 1e5)
+            .or_else(|| above_0("density_kg_m3", self.density_kg_m3, 1e5))
+            .or_else(|| from_0("friction", self.friction, 10.0))
+            .or_else(|| from_0("restitution", self.restitution, 1.0))
             .or_else(|| both.then(|| ("density_kg_m3", "`mass_kg` says the mass already".to_owned())))
     }
 }

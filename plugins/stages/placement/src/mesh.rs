@@ -14,6 +14,7 @@ use syntable_mesh::mass::scaled_kg;
 use syntable_mesh::root::AssetRoot;
 use syntable_mesh::size::{self, StatedLengths};
 use syntable_mesh::{ObjectInfo, Up};
+use syntable_model::context::Assets;
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3, Vector3};
 use syntable_model::length_unit::LengthUnit;
@@ -248,6 +249,11 @@ impl Placer for Mesh {
     fn companions(&self, log: &dyn Log) -> Result<Vec<Companions>> {
         let files = self.content(log)?.companions;
         Ok(vec![Companions { of: self.path.path().to_owned(), files }])
+    }
+
+    /// Reads the file.
+    fn ready(&self, _: &dyn Assets, log: &dyn Log) -> Result<()> {
+        self.content(log).map(drop)
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {

@@ -16,7 +16,7 @@ use swap::{Place, Swap, Swapped};
 use syntable_model::context::Assets;
 use syntable_model::geometry::{Aabb, Point3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Asset, AssetRef, BodyDraft, DropZone, Motion, Object, RecordedCamera, Role};
+use syntable_model::scene::{Asset, AssetRef, BodyDraft, DropZone, Motion, Object, RecordedCamera, Role, SceneId};
 
 /// Rebuilds the scenes of a dataset: the same objects at the same poses, seen by the same cameras.
 ///
@@ -157,13 +157,21 @@ impl Placer for RecordedPlacer {
         self.options.annotated
     }
 
-    fn ready(&self, _: &dyn Assets, log: &dyn Log) -> Result<()> {
-        self.opened(log).map(drop)
+    /// Reads the first scene, and finds its models.
+    fn ready(&self, assets: &dyn Assets, log: &dyn Log) -> Result<()> {
+        let scenes = self.opened()?;
+        scenes.left_out().iter().for_each(|left_out| log.left_out(left_out));
+        let in_dataset = |error: Error| error.in_file(self.options.dataset.path());
+        let first = scenes.read(0).map_err(in_dataset)?;
+        first.objects.iter().try_for_each(|object| self.asset(object, assets).map(drop))
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let Recorded { dataset, support, fixed, .. } = &self.options;
-        let scenes = self.opened(context.log)?;
+        let scenes = self.opened()?;
+        // One scene of the dataset reports what no scene rebuilds.
+        let lost = scenes.left_out().filter(|_| scene.id() == SceneId(0));
+        lost.iter().for_each(|left_out| context.log.left_out(left_out));
         let number = scene.id().0 as usize % scenes.count();
         let in_dataset = |error: Error| error.in_file(dataset.path());
         let RecordedScene { objects, cameras, is_in_world, left_out } = scenes.read(number).map_err(in_dataset)?;
@@ -230,7 +238,7 @@ impl Recorded {
 
 impl RecordedPlacer {
     /// The dataset, which the first call opens.
-    fn opened(&self, log: &dyn Log) -> Result<Arc<RecordedScenes>> {
+    fn opened(&self) -> Result<Arc<RecordedScenes>> {
         let mut opened = self.opened.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(scenes) = &*opened {
             return Ok(Arc::clone(scenes));
@@ -238,32 +246,32 @@ impl RecordedPlacer {
         let Recorded { dataset, format, per, every, scenes, .. } = &self.options;
         let selection = Selection { per: *per, every: *every, scenes: scenes.as_deref() };
         let scenes = Arc::new(RecordedScenes::open(dataset.path(), format.as_deref(), &selection)?);
-        if let Some((count, why)) = scenes.lost() {
-            let what = "images and damaged records of the recorded dataset are not rebuilt: they cannot be read";
-            log.left_out(&LeftOut::new(count, count + scenes.images(), what).help(format!("the first one: {why}")));
-        }
         *opened = Some(Arc::clone(&scenes));
         Ok(scenes)
     }
 
+    /// The asset of a recorded object; none if it is left out.
+    fn asset(&self, recorded: &RecordedObject, assets: &dyn Assets) -> Result<Option<AssetRef>> {
+        let Recorded { dataset, from, missing, .. } = &self.options;
+        let asset = asset_of(recorded, from, assets).map_err(|error| error.in_file(dataset.path()))?;
+        if asset.is_none() && *missing == Missing::Error {
+            let number = recorded.obj_id.map_or(String::new(), |number| format!(" (`obj_id` {number})"));
+            let pools = from.names().join("`, `");
+            let message = format!("the recorded object `{}`{number} is in none of `{pools}`", recorded.asset);
+            return Err(Error::new(message).in_file(dataset.path()).help(
+                "add the pool of its model to `from`, such as the kind `bop_models`, or set `missing = \"leave_out\"`",
+            ));
+        }
+        Ok(asset)
+    }
+
     /// The objects of a scene with their assets.
     fn found(&self, objects: &[RecordedObject], context: &Context) -> Result<Vec<FoundObject>> {
-        let Recorded { dataset, from, missing, .. } = &self.options;
+        let dataset = &self.options.dataset;
         context.assets.expect(objects.len());
         let (mut found, mut other) = (Vec::new(), Vec::new());
         for recorded in objects {
-            let asset = asset_of(recorded, from, context).map_err(|error| error.in_file(dataset.path()))?;
-            let Some(asset) = asset else {
-                let number = recorded.obj_id.map_or(String::new(), |number| format!(" (`obj_id` {number})"));
-                if *missing == Missing::LeaveOut {
-                    continue;
-                }
-                let pools = from.names().join("`, `");
-                let message = format!("the recorded object `{}`{number} is in none of `{pools}`", recorded.asset);
-                return Err(Error::new(message).in_file(dataset.path()).help(
-                    "add the pool of its model to `from`, such as the kind `bop_models`, or set `missing = \"leave_out\"`",
-                ));
-            };
+            let Some(asset) = self.asset(recorded, context.assets)? else { continue };
             let object = context.assets.get(&asset).and_then(Asset::into_object)?;
             let object = resized(object, recorded.scale).map_err(|error| {
                 // Another attempt rebuilds the same object.

@@ -1,5 +1,6 @@
 //! Objects of a recorded image.
 
+use syntable_model::context::Assets;
 use syntable_model::digest::Digest;
 use syntable_model::geometry::{Translation3, rigid};
 use syntable_model::prelude::*;
@@ -104,12 +105,11 @@ impl RecordedObject {
 ///
 /// # Errors
 /// If several assets have the name or the number.
-pub fn asset_of(object: &RecordedObject, pools: &ObjectPools, context: &Context) -> Result<Option<AssetRef>> {
-    let named =
-        |pool: &str, name: &str| AssetRef { pool: context.assets.pool_name(pool).to_owned(), name: name.to_owned() };
+pub fn asset_of(object: &RecordedObject, pools: &ObjectPools, assets: &dyn Assets) -> Result<Option<AssetRef>> {
+    let named = |pool: &str, name: &str| AssetRef { pool: assets.pool_name(pool).to_owned(), name: name.to_owned() };
     for pool in pools.names() {
         let Some(name) = object.asset.strip_prefix(pool).and_then(|rest| rest.strip_prefix('/')) else { continue };
-        if context.assets.entries(pool)?.binary_search_by(|it| it.name.as_str().cmp(name)).is_ok() {
+        if assets.entries(pool)?.binary_search_by(|it| it.name.as_str().cmp(name)).is_ok() {
             return Ok(Some(named(pool, name)));
         }
     }
@@ -121,7 +121,7 @@ pub fn asset_of(object: &RecordedObject, pools: &ObjectPools, context: &Context)
             true => entry.obj_id == object.obj_id,
             false => last_part(&entry.name) == own,
         };
-        for entry in context.assets.entries(pool)?.iter().filter(fits) {
+        for entry in assets.entries(pool)?.iter().filter(fits) {
             let asset = named(pool, &entry.name);
             if !found.contains(&asset) {
                 found.push(asset);

@@ -84,16 +84,18 @@ impl RecordedScenes {
         }
     }
 
-    /// Number of images that can be read.
-    pub fn images(&self) -> usize {
-        self.dataset.images.len()
-    }
-
     /// Number of files and records that hide images from the list of the dataset, and the first reason.
-    pub fn lost(&self) -> Option<(usize, String)> {
+    fn lost(&self) -> Option<(usize, String)> {
         let mut lost = self.dataset.faults.iter().filter(|fault| fault.is_lost);
         let first = lost.next()?.to_string();
         Some((1 + lost.count(), first))
+    }
+
+    /// What no scene rebuilds, because it cannot be read.
+    pub fn left_out(&self) -> Option<LeftOut> {
+        let (count, why) = self.lost()?;
+        let what = "images and damaged records of the recorded dataset are not rebuilt: they cannot be read";
+        Some(LeftOut::new(count, count + self.dataset.images.len(), what).help(format!("the first one: {why}")))
     }
 
     /// Number of scenes to rebuild.

@@ -550,7 +550,7 @@ fn options_are_checked() {
         ("room", "floor_only = true\nopen_top = true", "no ceiling to leave out"),
         ("room", "all_alike = true\nmaterial = { floor = \"materials\" }", "`material.floor` has no effect"),
         ("room", "size_m = { uniform = [1, 3] }\nsupport = {}", "larger than the smallest floor of 1 m"),
-        ("room", "size_m = 2\nlength_m = 1.4\nsupport = {}", "`support.size_m[1]`"),
+        ("room", "size_m = 2\nlength_m = 1.4\nsupport = {}", "support.size_m[1]"),
         ("ground", "size_m = 20\nsupport = { size_m = [1, 21] }", "larger than the smallest floor of 20 m"),
         ("arrange", "from = [\"small\"]\npose = { upright = -1 }", "the weight -1 is not within 0 and 1000000000"),
         ("furnishings", "from = [\"big\"]\nyaw_deg = 200", "`yaw_deg` cannot be 200"),
