@@ -191,7 +191,10 @@ impl<'r> ReadRecipe<'r> {
             views_per_scene: self.dataset.as_ref().and_then(|table| table.views_per_scene).unwrap_or(1),
             ..DatasetInfo::default()
         };
+        // A path that does not exist has been reported.
+        let is_reported = |name: &str| built.stages.iter().any(|stage| !stage.found && part(stage) == name);
         let missing = plan.iter().flat_map(|plan| plan.missing(info.views_per_scene));
+        let missing = missing.filter(|(stage, _)| !is_reported(stage));
         let mut mistakes: Vec<(String, Error)> = missing.map(|(stage, error)| (stage.to_owned(), error)).collect();
         let of_writers = (writers.iter().filter_map(|writer| unready(*writer)))
             .chain(bad_paths(&info, &writers, plan.as_ref()))

@@ -117,7 +117,7 @@ fn missing_photographs_end_the_run_before_it_begins() {
     let folder = tempfile::tempdir().expect("a folder");
     let nowhere = folder.path().join("nowhere");
     let message =
-        fails(&mut run(&folder.path().join("out"), "none", &format!(", plate = {{ photographs = {nowhere:?} }}")), 1);
+        fails(&mut run(&folder.path().join("out"), "none", &format!(", plate = {{ photographs = {nowhere:?} }}")), 2);
     assert!(message.contains("nowhere"), "{message}");
     let message = fails(&mut run(&folder.path().join("out"), "none", ", plate = {}"), 2);
     assert!(message.contains("needs the cameras of a recorded scene"), "{message}");
