@@ -91,7 +91,7 @@ impl RecordedScenes {
         Some((1 + lost.count(), first))
     }
 
-    /// What no scene rebuilds, because it cannot be read.
+    /// The images that no scene rebuilds, because they cannot be read.
     pub fn left_out(&self) -> Option<LeftOut> {
         let (count, why) = self.lost()?;
         let what = "images and damaged records of the recorded dataset are not rebuilt: they cannot be read";
