@@ -667,6 +667,10 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
             ),
             vec!["`write.n` and `write.t`"],
         ),
+        (
+            "place.table={ kind = \"support\", from = \"tables\", name = \"table\", on = \"table\" }",
+            vec!["step `support` of [[place]] needs the support `table`, which it sets itself"],
+        ),
         ("remove=[\"place.table\"]", vec!["needs a support", "[[place]] kind = \"table\""]),
         (
             "place.table={ kind = \"ground\" }\u{0}place.room={ kind = \"listed\", from = \"objects\", poses = [{ position_m = [0, 0, 1] }] }\u{0}place.objects={ kind = \"listed\", from = \"objects\", annotated = false, poses = [{ position_m = [0, 1, 1] }] }",

@@ -202,6 +202,11 @@ fn unmet(step: &Step, part: &Part, later: Option<&BuiltStage>, steps: &[Step]) -
         _ => &step.stage.header,
     };
     let name = described(part);
+    if later.is_some_and(|later| later.id == *id) {
+        let message = format!("step `{id}` of [[place]] needs the {name}, which it sets itself");
+        return DiagnosticBuilder::error(Code::Placers, span.clone(), message)
+            .help("name a support of an earlier step");
+    }
     if let Some(later) = later {
         let message = format!("step `{id}` of [[place]] needs the {name} that step `{}` sets after it", later.id);
         return DiagnosticBuilder::error(Code::Placers, span.clone(), message)
@@ -295,7 +300,13 @@ fn supports<'s>(steps: &'s [Step]) -> Vec<&'s str> {
             _ => None,
         })
     };
-    steps.iter().flat_map(of_step).collect()
+    let mut names: Vec<&str> = Vec::new();
+    for name in steps.iter().flat_map(of_step) {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names
 }
 
 /// Whether a part that a step sets is one that another step needs.
