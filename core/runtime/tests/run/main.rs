@@ -52,14 +52,20 @@ fn slow(out: &std::path::Path, threads: usize) -> Duration {
 #[test]
 fn one_render_session_overlaps_with_everything_else() {
     let folder = tempfile::tempdir().expect("a folder");
-    let [one, two, _] = [1, 2, 5].map(|threads| slow(&folder.path().join(threads.to_string()), threads));
-    // One thread does everything in turn: 600 ms of rendering and 960 ms of other work. Two take little longer than the larger
-    // part, after the first scene. On a busy machine, both take longer.
-    eprintln!("{one:?} on one thread, {two:?} on two");
-    assert!(two < one.mul_f64(0.85), "{two:?} on two threads, {one:?} on one");
+    // Other programs may slow one run down.
+    let out = |name: &str| folder.path().join(name);
+    let took = ["two", "two again", "two once more"].map(|name| slow(&out(name), 2)).into_iter().min().expect("three");
+    let rendering = Duration::from_millis(u64::from(SCENES * VIEWS) * RENDER_MS);
+    let rest = Duration::from_millis(u64::from(SCENES) * COMPOSE_MS + u64::from(SCENES * VIEWS) * ANNOTATE_MS);
+    eprintln!("rendering {rendering:?}, the rest {rest:?} on 2 threads, together {took:?}");
+    // The run takes little longer than the larger part. The first scene cannot overlap with other work. The sum is 1.56
+    // s.
+    assert!(took < (rendering + rest).mul_f64(0.75), "{took:?} of {rendering:?} + {rest:?}");
     // The bytes do not depend on the scheduling.
-    for threads in ["2", "5"] {
-        assert_eq!(files(&folder.path().join(threads)), files(&folder.path().join("1")), "{threads} threads");
+    for threads in [1, 5] {
+        let other = out(&threads.to_string());
+        slow(&other, threads);
+        assert_eq!(files(&other), files(&out("two")), "{threads} threads");
     }
 }
 

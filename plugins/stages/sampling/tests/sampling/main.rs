@@ -12,7 +12,7 @@ use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, EnvironmentMap, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material,
-    Mesh, MeshData, Motion, Object, Optics, Region, Role, SettleReport, SourceModel, Support, ViewId,
+    Mesh, MeshData, Motion, Object, Optics, Region, Role, SettleReport, SourceModel, Support, Supports, ViewId,
 };
 use syntable_sampling as _;
 use syntable_testing::assets::NoAssets;
@@ -335,7 +335,8 @@ fn listed_poses_are_used_unchanged() {
     );
     assert!((pose(&*world, 0).expect("a pose").translation.vector.z - 2.0).abs() < 1e-12);
     // Poses in the world need no support, and their shell is around the points that they look at.
-    let open = SceneBuilder::default().freeze(SettleReport::default()).expect("a scene");
+    let mut open = scene.clone();
+    open.supports = Supports::default();
     assert!((world.needs(), sampler.needs()) == (None, Some(Part::MainSupport)));
     let shell = world.shell(&open).expect("a target");
     assert!(
