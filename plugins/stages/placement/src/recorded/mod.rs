@@ -16,7 +16,7 @@ use swap::{Place, Swap, Swapped};
 use syntable_model::context::Assets;
 use syntable_model::geometry::{Aabb, Point3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Asset, AssetRef, BodyDraft, DropZone, Motion, Object, RecordedCamera, Role, SceneId};
+use syntable_model::scene::{Asset, AssetRef, BodyDraft, DropZone, Motion, Object, RecordedCamera, Role};
 
 /// Rebuilds the scenes of a dataset: the same objects at the same poses, seen by the same cameras.
 ///
@@ -169,9 +169,6 @@ impl Placer for RecordedPlacer {
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let Recorded { dataset, support, fixed, .. } = &self.options;
         let scenes = self.opened()?;
-        // One scene of the dataset reports what no scene rebuilds.
-        let lost = scenes.left_out().filter(|_| scene.id() == SceneId(0));
-        lost.iter().for_each(|left_out| context.log.left_out(left_out));
         let number = scene.id().0 as usize % scenes.count();
         let in_dataset = |error: Error| error.in_file(dataset.path());
         let RecordedScene { objects, cameras, is_in_world, left_out } = scenes.read(number).map_err(in_dataset)?;
