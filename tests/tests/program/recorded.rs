@@ -1,6 +1,6 @@
 //! Rebuilt scenes: the objects of a dataset at their poses, seen by its cameras, in other surroundings.
 
-use crate::support::{fails, files, made, small_dataset, syntable, text};
+use crate::support::{fails, files, made, small_dataset, syntable};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -244,7 +244,7 @@ fn what_cannot_be_rebuilt_is_refused_with_a_way_out() {
     // Images that no scene rebuilds are named before the run.
     let bop = source.join("bop/train_pbr");
     std::fs::remove_file(bop.join("000001/scene_gt.json")).expect("removed");
-    let said = text(&command(folder.path(), "lost", [1, 2], &of(&bop)).output().expect("it runs"));
+    let said = crate::support::text(&command(folder.path(), "lost", [1, 2], &of(&bop)).output().expect("it runs"));
     assert!(said.contains("of the recorded dataset are not rebuilt"), "{said}");
     // Views of no recorded scene, and cameras of two.
     let twice =
