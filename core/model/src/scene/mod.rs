@@ -314,7 +314,7 @@ pub struct Scene {
     pub settle: SettleReport,
 }
 
-/// A point of the room just above a place: a support on the floor lies in the plane where the walls end.
+/// The point 1 cm above a place: a support on the floor lies in the plane where the walls end.
 fn above(place: &Point3<f64>) -> Point3<f64> {
     place + Vector3::z() * 0.01
 }
